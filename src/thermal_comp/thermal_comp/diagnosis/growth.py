@@ -28,7 +28,6 @@ from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
-from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
@@ -294,7 +293,7 @@ def _predictive(
 
 
 def _shared_or_empirical(effect: Effect) -> bool:
-    return effect.coupled or isinstance(effect, Empirical)
+    return effect.coupled or not effect.names_cause
 
 
 def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:

@@ -32,6 +32,7 @@ class BiasTemperature(Effect):
     )
     reference: ClassVar[str] = 'IEEE 2700 (zero-g, zero-rate, zero-field offset over temperature)'
     searched: ClassVar[bool] = False
+    temperature_coefficient: ClassVar[bool] = True
     temperature_only: ClassVar[bool] = True
 
     def columns(

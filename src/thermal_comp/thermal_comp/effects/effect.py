@@ -126,6 +126,10 @@ class Effect:
 
     searched: ClassVar[bool] = True
     """False where it is part of every model, so that no diagnosis looks for it."""
+    temperature_coefficient: ClassVar[bool] = False
+    """True where its coefficient is that of the bias over temperature (TCO)."""
+    names_cause: ClassVar[bool] = True
+    """False where it follows whatever lowers the error: its cause is undecided."""
     bends: ClassVar[bool] = False
     """True where it grows faster than in proportion to temperature: outside the temperatures a
     model was fitted at its slope at the edge runs on."""

@@ -78,6 +78,7 @@ class Empirical(Effect):
         'basis functions with a Gaussian prior)'
     )
     searched: ClassVar[bool] = False
+    names_cause: ClassVar[bool] = False
 
     def columns(
         self, conditions: Conditions, state: State | None = None

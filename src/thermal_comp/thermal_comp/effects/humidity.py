@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
@@ -71,7 +71,6 @@ class GuessedHumidity(Humidity):
     dew_point: float = shape_parameter(0.0, unit='°C', bounds=(-30.0, 30.0))
 
     name: ClassVar[str] = 'guessed_humidity'
-    sensors: ClassVar[tuple[Sensor, ...]] = ('accelerometer', 'gyroscope')
     channels: ClassVar[tuple[str, ...]] = ()
     optional_channels: ClassVar[tuple[str, ...]] = ('chamber_temperature',)
     guessed_channel: ClassVar[str] = 'humidity'

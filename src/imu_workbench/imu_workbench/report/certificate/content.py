@@ -13,7 +13,6 @@ from typing import Any
 
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
-from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.display import (
     DISPLAY_UNITS,
@@ -209,7 +208,7 @@ def equations(certified: Certified) -> dict[str, str]:
     return {
         effect.name: ' '.join(effect.equation.split())
         for effect in effects
-        if not isinstance(effect, BiasTemperature)
+        if not effect.temperature_coefficient
     }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.model.values import SensorModel
 from thermal_comp.noise.process import mean_autocovariance
 
@@ -43,7 +42,7 @@ class Evidence:
     def slope(self) -> FloatArray:
         """(3,) slope of the bias over temperature, zero where the model has none."""
         for effect, coefficients in zip(self.model.effects, self.model.coefficients, strict=True):
-            if isinstance(effect, BiasTemperature):
+            if effect.temperature_coefficient:
                 return np.asarray(coefficients[0])
         return np.zeros(3)
 

@@ -12,7 +12,6 @@ import numpy as np
 from imu_recording.recording import PHASES, SENSOR_UNITS, FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ThermalModel
 
@@ -223,7 +222,7 @@ def coefficients_of(evidence: Evidence) -> Iterator[Fitted]:
         if effect.kind != 'device' or effect.per_run:
             continue
         shared = values.ndim == 1
-        linear = isinstance(effect, BiasTemperature)
+        linear = effect.temperature_coefficient
         units = effect.units_of_coefficients(len(values), SENSOR_UNITS[evidence.sensor])
         for column, label in enumerate(effect.coefficient_labels(len(values))):
             repeated = None if shared else evidence.repeated.of(i, column)
