@@ -63,20 +63,6 @@ def test_two_lags_far_apart_are_two() -> None:
     assert found.name == 'thermal_lag_two_stage'
 
 
-def test_two_tilted_poses_leave_scale_factor_and_misalignment_both() -> None:
-    die = chamber()[1]
-    recordings = []
-    for k, up in enumerate(('+z', '+x')):
-        seen = np.zeros(3)
-        seen['xyz'.index(up[1])] = GRAVITY
-        seen[1] = (-1.0) ** k * 0.01 * GRAVITY  # half a degree that nobody states
-        error = np.outer(die - 20.0, 1e-2 * seen * np.array([1.0, 1.3, -1.0]))
-        recordings.append(run(up, seed=k, error={'linear_acceleration': error}))
-    (found,) = findings(measured_by(recordings, 'accelerometer'), TURNS[:2])
-    assert {found.name, *found.ambiguous_with} == set(TURNS[:2])
-    assert found.probability < 0.8
-
-
 def test_a_step_between_the_times_tried_is_found_where_it_is() -> None:
     time = chamber()[0]
     recordings = [run(up, seed=k) for k, up in enumerate(UP)]

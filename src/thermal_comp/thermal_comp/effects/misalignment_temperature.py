@@ -50,7 +50,6 @@ class MisalignmentTemperature(Effect):
         'IEEE 2700 (cross-axis sensitivity); IEEE 1293 (misalignment δ_o, δ_p)'
     )
     kin: ClassVar[Kin] = 'orientation'
-    twin: ClassVar[str] = 'scale_factor_temperature'
     separating_action: ClassVar[str] = FLIP
 
     def columns(

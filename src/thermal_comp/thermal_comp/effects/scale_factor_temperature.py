@@ -39,7 +39,6 @@ class ScaleFactorTemperature(Effect):
     typical_size: ClassVar[str] = 'accelerometer 0.01–0.03 %/K, magnetometer 0.03 %/K'
     reference: ClassVar[str] = 'IEEE 2700 (sensitivity temperature coefficient); IEEE 1293 (K₁)'
     kin: ClassVar[Kin] = 'orientation'
-    twin: ClassVar[str] = 'misalignment_temperature'
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ('accelerometer', 'magnetometer')
     separating_action: ClassVar[str] = FLIP
 

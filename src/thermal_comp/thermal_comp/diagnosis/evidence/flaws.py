@@ -131,7 +131,7 @@ def _flaw(
     alike: list[float] = []
     others: list[float] = []
     for further, with_it, weight in larger:
-        size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
+        size = _more_explained(hypotheses, with_it, some)
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
         (alike if further in kin else others).append(gain + weight + log_prior_at(size, likeness))
     ways = [(one.free_flaw, 1)]
@@ -141,6 +141,13 @@ def _flaw(
     ways += [(log_sum(others), every)] if others else []
     parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
     return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
+
+
+def _more_explained(hypotheses: SensorHypotheses, larger: EffectSet, some: EffectSet) -> float:
+    """Return √Δχ² by which a larger set explains more, beside the same slow noise."""
+    nuisances = hypotheses.likeliest_nuisances(larger.components)
+    more = hypotheses.joint(larger.components, nuisances)[1]
+    return float(np.sqrt(max(more - hypotheses.joint(some.components, nuisances)[1], 0.0)))
 
 
 def _explained_by_history(some: EffectSet) -> float:

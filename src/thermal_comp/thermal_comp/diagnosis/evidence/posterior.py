@@ -191,10 +191,9 @@ def _as_twins(
             others = [name for name in some.names if name != component.name]
             for names in ([twin, *others], [twin, *some.names]):
                 better, parts = named.get(tuple(sorted(names)), (some, []))
-                beside = len(names) > len(some.names)
-                if twin in some.names or not (beside or better.explained > some.explained):
+                if twin in some.names or better.explained <= some.explained:
                     continue
-                share = float(np.sqrt(max(better.explained - some.explained, 0.0)))
+                share = float(np.sqrt(better.explained - some.explained))
                 share /= max(explained_by_equations(hypotheses, some), 1.0)
                 change = better.log_posterior - better.log_prior + some.log_prior
                 change += priors.log_odds_of_twin(share) - some.log_posterior
