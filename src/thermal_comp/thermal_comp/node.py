@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS shell of the compensator: convert, call, publish."""
+"""ROS node of the compensator: convert, call, publish."""
 
 from __future__ import annotations
 
@@ -130,15 +130,15 @@ class ThermalCompNode(ConfiguredNode):
         self.sample_input(MagneticField, 'imu/mag', self.on_magnetic_field)
         if config.state_file:
             timer = self.create_timer(10.0, self.save_state)
-            self._entities.append(lambda: self.destroy_timer(timer))
+            self._entities.append(partial(self.destroy_timer, timer))
 
     def on_applied_model(self, message: String) -> None:
-        """Take in that what comes was compensated already: it is passed on, unless told."""
+        """Take in that the input is compensated already: passed on, unless `again` is set."""
         if not self.config.again:
             self.compensator.applied_before = message.data
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Take in what device the driver says it reads: the model has to be of that one."""
+        """Take in which device the driver reads: the model has to be of that one."""
         devices = {
             node_of(status.name): status.hardware_id
             for status in message.status

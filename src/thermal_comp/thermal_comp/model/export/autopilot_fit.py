@@ -18,12 +18,12 @@ from thermal_comp.model.export.ardupilot import REFERENCE_TEMPERATURE, SCALE
 from thermal_comp.model.export.cubic import ORDER, Cubic
 
 Autopilot = Literal['px4', 'ardupilot']
-PX4_MEDIAN_ROWS = 31
-PX4_BINS = 2000
+PX4_MEDIAN_ROWS, PX4_BINS = 31, 2000
+"""Rows of the running median, and bins of temperature."""
 ARDUPILOT_WINDOW_S = 2
+"""Length of the moving average [s]."""
 ARDUPILOT_DECIMALS = 9
-"""Of the scaled coefficients in its parameter file; TMIN and TMAX have one."""
-
+"""Of the scaled coefficients in the parameter file; TMIN and TMAX have one."""
 
 AutopilotFit = Callable[[FloatArray, FloatArray, FloatArray, Sensor], Cubic]
 """A script's fit, of time (n,) [s], temperature (n,) [°C], values (n, 3) [unit] and sensor."""
@@ -34,8 +34,8 @@ def px4_fit(
 ) -> Cubic:
     """Return what PX4's Tools/process_sensor_caldata.py fits.
 
-    Samples pass a running median, are averaged in 2000 bins of temperature, and the polynomial is
-    about the middle of the range; an accelerometer's is that of the distance from its median.
+    Samples pass a running median and are averaged in 2000 bins of temperature; the polynomial is
+    about the middle of the range, an accelerometer's that of the distance from its median.
     """
     low, high = float(temperature.min()), float(temperature.max())
     middle = 0.5 * (low + high)
