@@ -73,7 +73,7 @@ class ThermalCompConfig(NodeConfig):
 class ThermalCompNode(ConfiguredNode):
     """Subtracts the thermal error a model predicts from imu/data_raw and imu/mag.
 
-    What is left goes out on imu_compensated/data_raw and imu_compensated/mag.
+    The result is published on imu_compensated/data_raw and imu_compensated/mag.
     """
 
     config: ThermalCompConfig
@@ -151,7 +151,7 @@ class ThermalCompNode(ConfiguredNode):
             self.check_source(devices[name])
 
     def _senders(self) -> set[str]:
-        """Return who sends imu/data_raw; where nobody does, who sends the other inputs."""
+        """Return the nodes that publish imu/data_raw; without any, those of the other inputs."""
         found = self.get_publishers_info_by_topic('imu/data_raw') or [
             sender
             for topic in ('imu/mag', 'imu/temperature')
@@ -191,7 +191,7 @@ class ThermalCompNode(ConfiguredNode):
     def on_imu(self, sample: ImuSample) -> None:
         """Publish the compensated sample; orientation fields pass through.
 
-        What cannot have been measured in SI units is passed on as it came.
+        A sample that cannot be in SI units is passed on as it came.
         """
         if self._refused(self.check.on_imu(sample)):
             self._imu.send(sample)
@@ -205,7 +205,7 @@ class ThermalCompNode(ConfiguredNode):
         self._tell_applied(self.compensator.applied_before or self._label)
 
     def _tell_applied(self, label: str) -> None:
-        """Say which model is subtracted where that changes, to everybody who ever listens."""
+        """Publish which model is subtracted, latched, where that changes."""
         if label != self._applied_label:
             self._applied_label = label
             self._applied.publish(String(data=label))
@@ -233,7 +233,7 @@ class ThermalCompNode(ConfiguredNode):
             self.save_state()
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Return the compensator's condition, and what of the input is implausible."""
+        """Return the compensator's condition, and what is implausible in its input."""
         if not self.inputs:
             return 0, self.state, {}
         level, said, values = self.compensator.report()

@@ -36,10 +36,10 @@ ROWS_AT_A_TIME = 50_000
 
 @dataclass(frozen=True, eq=False)
 class SensorError:
-    """Error of n samples and what is known about it."""
+    """Error of n samples, its uncertainty, and the history after them."""
 
     error: FloatArray
-    """(n, 3) to subtract [unit]; zero where nothing can be said."""
+    """(n, 3) to subtract [unit]; zero where no effect can be applied."""
     covariance: FloatArray
     """(n, 3, 3) of the error [unit²]: coefficients, effects not applied, extrapolation."""
     outside: NDArray[np.bool_]

@@ -88,7 +88,7 @@ def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str
 
 
 def resting(recording: ImuRecording) -> Conditions:
-    """Return the conditions of a device at rest, mounted as its up axis tells."""
+    """Return the conditions of a device at rest, its up axis up."""
     rotation = mounting_rotation(recording.up_axis) if recording.up_axis else None
     return static_conditions(recording, orientation=rotation)
 

@@ -38,7 +38,7 @@ CAMPAIGN = Campaign(
     spectral_lines=lambda: [(0.0123, 0.0), (0.0123, 2e-5)],
     step_times=lambda: [(1, 20_000.0, 0.0)],
 )
-"""An example of what a search is given to choose forms from."""
+"""An example of the runs that a search chooses forms for."""
 
 
 def check_effect(
@@ -249,7 +249,7 @@ def _problems_of_the_c_form(effect: Effect, sensor: Sensor, columns: FloatArray)
 
 
 def _problems_far_out(effect: Effect) -> list[str]:
-    """Columns must not outgrow the temperature where it leaves what a fit has seen."""
+    """Columns must not grow faster than the temperature, unless the effect bends."""
     if effect.bends:
         return []
     seen = example_conditions(sensor=effect.sensors[0])

@@ -21,7 +21,7 @@ State = Any
 Kin = Literal['', 'temperature', 'orientation', 'time']
 """Groups of effects, by what their errors follow."""
 FLIP = 'flip: add a run with one axis pointing down'
-"""Action that separates what turns with the device from what does not."""
+"""Action that separates effects that turn with the device from effects that do not."""
 COUNT = '1'
 """Unit of a parameter that is a number or a choice: part of the form, not searched or fitted."""
 
@@ -147,13 +147,13 @@ class Effect:
     """Effect with nearly the same columns: told from it by small differences, and not at all where
     that one's channel was not logged."""
     separated_by_cycles: ClassVar[tuple[str, ...]] = ()
-    """Effects from which only a temperature that returns, or comes at several rates, tells it."""
+    """Effects from which it is told only by a temperature that returns or has several rates."""
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ()
     """Sensors on which only other orientations tell it from a bias over temperature."""
     guessed_channel: ClassVar[str] = ''
     """Channel that it guesses from others: finding it says that this channel was not logged."""
     separating_action: ClassVar[str] = ''
-    """What an experiment can do beside the temperature profile to tell it from its rivals."""
+    """Action that tells it from its rivals in an experiment, beside the temperature profile."""
 
     def columns(
         self, conditions: Conditions, state: State | None = None

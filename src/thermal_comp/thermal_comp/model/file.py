@@ -86,7 +86,7 @@ def load_model(
 def check_device(model: ThermalModel | None, device: str) -> None:
     """Refuse a recording of another device; one whose device is not named passes.
 
-    Boards tell their names in capitals, files seldom do: that is no difference.
+    Case is ignored: boards have their names in capitals, files seldom do.
     """
     if model is None:
         return
@@ -99,7 +99,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
 
 
 def _parsed(text: str) -> Any:
-    """Return the document; refuse a key that stands twice, of which YAML takes the last."""
+    """Return the document; refuse a key that occurs twice, of which YAML takes the last."""
     refuse_deep_yaml(text)
     loader = _Loader(text)
     try:

@@ -223,7 +223,7 @@ class ThermalModel(Presented):
 def fitted_shapes(model: ThermalModel) -> list[dict[str, Any]]:
     """Return sensor, effect, parameter, value, std and unit of each; several values are lists.
 
-    What is part of the form and not fitted is left out.
+    Parameters that are part of the form are left out.
     """
     rows: list[dict[str, Any]] = []
     for sensor, part in model.sensors.items():

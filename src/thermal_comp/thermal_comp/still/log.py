@@ -35,9 +35,9 @@ class RestingLog:
     rest: Sequence[tuple[float, float]]
     """Start and end of each stretch since the first sample [s]."""
     started: float | None = None
-    """Unix time of its start [s]; None where the log does not tell."""
+    """Unix time of its start [s]; None where unknown."""
     note: str = ''
-    """Why it holds no rest, or what of it was left out."""
+    """Why it has no stretch at rest, or what was left out of it."""
 
 
 def resting_log(

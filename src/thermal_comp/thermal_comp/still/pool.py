@@ -277,7 +277,7 @@ class Pool:
         return seen, np.full(k, STANDARD_GRAVITY), common, std, up @ up.T
 
     def model(self) -> SensorModel:
-        """Return what was found as the model of the sensor."""
+        """Return the solution as the model of the sensor."""
         answer, rows = self._answer, np.flatnonzero(self._kept)
         levels, found, covariance = self._unpacked(answer, len(rows))
         sizes = np.zeros((GROUP_COUNT, 3))

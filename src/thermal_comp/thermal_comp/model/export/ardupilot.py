@@ -71,5 +71,7 @@ def read_ardupilot(text: str, instance: int) -> dict[Sensor, Cubic]:
         except KeyError as missing:
             raise ModelError(f'{missing.args[0]}: missing') from None
         coefficients = np.vstack([np.zeros((1, 3)), powers])
-        cubics[sensor] = Cubic(coefficients, REFERENCE_TEMPERATURE, low, high)
+        cubics[sensor] = Cubic(
+            coefficients=coefficients, reference=REFERENCE_TEMPERATURE, low=low, high=high
+        )
     return cubics

@@ -49,7 +49,7 @@ def px4_fit(
     some = count > 0
     means = [np.bincount(place, column, PX4_BINS)[some] / count[some] for column in (x, *smooth.T)]
     powers = np.polyfit(means[0], np.stack(means[1:], axis=1), ORDER)[::-1]
-    return Cubic(powers, middle, low, high)
+    return Cubic(coefficients=powers, reference=middle, low=low, high=high)
 
 
 def ardupilot_fit(
@@ -72,7 +72,7 @@ def ardupilot_fit(
     powers[0] = 0.0
     rounded = np.round(powers * SCALE, ARDUPILOT_DECIMALS) / SCALE
     low, high = round(float(x.min()), 1), round(float(x.max()), 1)
-    return Cubic(rounded, REFERENCE_TEMPERATURE, low, high)
+    return Cubic(coefficients=rounded, reference=REFERENCE_TEMPERATURE, low=low, high=high)
 
 
 FITS: Mapping[Autopilot, AutopilotFit] = {'px4': px4_fit, 'ardupilot': ardupilot_fit}

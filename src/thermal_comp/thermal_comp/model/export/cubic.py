@@ -128,7 +128,7 @@ def fitted_cubic(
 
 
 def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
-    """Return what a cubic leaves of a model."""
+    """Return the part of a model that a cubic leaves."""
     part = model.sensors[sensor]
     settled = _course(model, sensor, inputs=0.0, start=LONG_AFTER_S)
     second = slice(len(settled) // 2, None)
@@ -195,7 +195,8 @@ def _cubic_of(temperature: FloatArray, error: FloatArray) -> Cubic:
     middle, span = 0.5 * (low + high), high - low
     x = (temperature - middle) / span
     fitted = np.linalg.lstsq(x[:, None] ** np.arange(ORDER + 1), error)[0]
-    return Cubic(fitted / span ** np.arange(ORDER + 1)[:, None], middle, low, high)
+    coefficients = fitted / span ** np.arange(ORDER + 1)[:, None]
+    return Cubic(coefficients=coefficients, reference=middle, low=low, high=high)
 
 
 def _zero_at(cubic: Cubic, temperature: float) -> Cubic:

@@ -65,7 +65,9 @@ def read_px4(text: str, instance: int) -> dict[Sensor, Cubic]:
             low, high = values[f'{prefix}_TMIN'], values[f'{prefix}_TMAX']
         except KeyError as missing:
             raise ModelError(f'{missing.args[0]}: missing') from None
-        cubics[sensor] = Cubic(np.array(powers), values[f'{prefix}_TREF'], low, high)
+        cubics[sensor] = Cubic(
+            coefficients=np.array(powers), reference=values[f'{prefix}_TREF'], low=low, high=high
+        )
     return cubics
 
 
