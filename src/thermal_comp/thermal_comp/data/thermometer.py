@@ -115,11 +115,13 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if is_whole_degrees(measured):
         text = (
             'temperature in whole degrees: slopes keep their value, but lag, hysteresis and what '
-            'else follows the rate of change drown in steps of 1 K'
+            'else follows the rate of change are lost in steps of 1 K'
         )
         yield InstrumentFault('thermometer_whole_degrees', every, text)
     if source := copied_from(recording):
-        text = f'temperature is a copy of {source}: what lies between the two is fitted as a lag'
+        text = (
+            f'temperature is a copy of {source}: the difference between the two is fitted as a lag'
+        )
         yield InstrumentFault('thermometer_copied', every, text)
         return
     if ratio := wrong_scale(recording):
