@@ -19,7 +19,7 @@ STEADY_RATE_C_PER_MIN = 0.2
 """Rate of the die temperature from which a block is on a branch, rising or falling [°C/min]."""
 LEAST_BLOCKS_IN_GROUP = 5
 """Blocks that a group has at least."""
-GROUPS_LISTED = 16
+MOST_GROUPS = 16
 """Groups that are returned at most, worst first."""
 
 
@@ -66,7 +66,7 @@ def rank_where(
             names = dict(zip(keys, labels[k], strict=True))
             found.append(Where(group=names, rms=np.array(rms), ratio=ratio, blocks=int(blocks[k])))
     found.sort(key=lambda where: -where.ratio)
-    return tuple(found[:GROUPS_LISTED])
+    return tuple(found[:MOST_GROUPS])
 
 
 Grouping = tuple[tuple[str, ...], list[tuple[Any, ...]], IntArray]

@@ -24,7 +24,7 @@ from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
 from imu_workbench.web.case.preview import preview_task
 from imu_workbench.web.case.versions_panel import error_steps_figure
 from imu_workbench.web.case.view import View, timeline_of
-from thermal_comp.experiment.plan import PAPER
+from thermal_comp.experiment.plan import PAPER_PLAN
 from thermal_comp.model.values import NoiseModel
 
 VIEW = View('accelerometer', 2)
@@ -117,7 +117,7 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
                 CaseVersion('v2', 'v1', 'lag', fitted.lag.errors()),
             ]
         ),
-        'profile': profile_figure(setpoint_of(PAPER)),
+        'profile': profile_figure(setpoint_of(PAPER_PLAN)),
     }
     for name, figure in figures.items():
         titles = [
