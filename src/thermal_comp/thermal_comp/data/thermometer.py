@@ -30,7 +30,7 @@ from thermal_comp.linear.columns import orthonormal, project_out
 MISSING_SHARE = 0.005
 """Share of rows without a temperature from which that is a fault."""
 SLOWEST_DIE_S = 1800.0
-"""No die follows its surroundings with a longer time constant [s]."""
+"""Longest time constant of a die behind the temperature around it [s]."""
 LEAST_DIE_CHANGE_K = 1.0
 """Change of the fastest and of the slowest possible die during which a thermometer that stands
 still has failed [K]."""
