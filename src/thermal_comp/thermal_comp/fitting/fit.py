@@ -37,8 +37,6 @@ from thermal_comp.noise.estimation import noise_product
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
 from thermal_comp.noise.vibration import note_of_vibration
 
-__all__ = ['Effects', 'FittedGroup', 'device_of', 'fit', 'fit_prepared', 'usable_sensors']
-
 
 def fit(
     effects: Effects,

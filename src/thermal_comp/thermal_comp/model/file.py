@@ -18,8 +18,6 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model.document import Field, model_from_document
 from thermal_comp.model.values import ModelError, ThermalModel
 
-__all__ = ['check_device', 'load_model', 'model_label', 'save_model']
-
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
     """Write the model as YAML; reading it back gives the same numbers, bit for bit.
