@@ -32,7 +32,7 @@ from orientation_filters.result import OrientationResult
 from orientation_filters.rotation.arrays import conjugate, multiply, normalised
 from orientation_filters.smoothing import run_smoother
 from scipy.io import loadmat
-from thermal_comp.compensation.stream import compensate
+from thermal_comp.compensation.recording import compensate
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 from verdict import Verdict, judge

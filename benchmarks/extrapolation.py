@@ -34,7 +34,8 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.fitting.fit import fit_prepared, usable_sensors
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.inputs import usable_sensors
 from verdict import Verdict, judge
 
 from imu_recording import ImuRecording, read_bag

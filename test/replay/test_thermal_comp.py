@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from thermal_comp.comparison.compare import compare
-from thermal_comp.compensation.stream import Compensator, compensate
+from thermal_comp.compensation.recording import compensate
+from thermal_comp.compensation.stream import Compensator
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 from thermal_comp.model.values import ThermalModel

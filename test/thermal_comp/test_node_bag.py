@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.replay import replay
-from thermal_comp.compensation.stream import compensate
+from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit_prepared

@@ -12,7 +12,7 @@ import gc, json, sys
 from imu_recording import read_bag
 from numba.core.dispatcher import Dispatcher
 from thermal_comp.comparison.compare import compare
-from thermal_comp.compensation.stream import compensate
+from thermal_comp.compensation.recording import compensate
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit

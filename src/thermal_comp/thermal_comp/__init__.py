@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds, explains and removes the temperature error of nine-axis MEMS IMUs.
 
-From bags to a better model and a picture of what it gained:
+From bags to a better model and a picture of the error it removes:
 
 >>> import thermal_comp as tc
 >>> recordings = tc.read('bags/hidden_effect_?')
@@ -14,8 +14,9 @@ True
 >>> picture = better.plot()
 
 Results print as text, show as tables in a notebook, and have `to_dict()` and, but for a recording,
-`plot()`. What these functions are made of stands in the subpackages: `effects`, `data`, `noise`,
-`linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`, `compensation`.
+`plot()`. The parts of these functions are in the subpackages: `effects`, `data`, `noise`,
+`linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`, `compensation`, `still`,
+`presentation`.
 """
 
 import os

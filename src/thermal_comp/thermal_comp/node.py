@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS shell of the compensator: convert, call, publish."""
+"""ROS node of the compensator: convert, call, publish."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ThermalCompConfig(NodeConfig):
 class ThermalCompNode(ConfiguredNode):
     """Subtracts the thermal error a model predicts from imu/data_raw and imu/mag.
 
-    What is left goes out on imu_compensated/data_raw and imu_compensated/mag.
+    The result is published on imu_compensated/data_raw and imu_compensated/mag.
     """
 
     config: ThermalCompConfig
@@ -130,15 +130,15 @@ class ThermalCompNode(ConfiguredNode):
         self.sample_input(MagneticField, 'imu/mag', self.on_magnetic_field)
         if config.state_file:
             timer = self.create_timer(10.0, self.save_state)
-            self._entities.append(lambda: self.destroy_timer(timer))
+            self._entities.append(partial(self.destroy_timer, timer))
 
     def on_applied_model(self, message: String) -> None:
-        """Take in that what comes was compensated already: it is passed on, unless told."""
+        """Take in that the input is compensated already: passed on, unless `again` is set."""
         if not self.config.again:
             self.compensator.applied_before = message.data
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Take in what device the driver says it reads: the model has to be of that one."""
+        """Take in which device the driver reads: the model has to be of that one."""
         devices = {
             node_of(status.name): status.hardware_id
             for status in message.status
@@ -151,7 +151,7 @@ class ThermalCompNode(ConfiguredNode):
             self.check_source(devices[name])
 
     def _senders(self) -> set[str]:
-        """Return who sends imu/data_raw; where nobody does, who sends the other inputs."""
+        """Return the nodes that publish imu/data_raw; without any, those of the other inputs."""
         found = self.get_publishers_info_by_topic('imu/data_raw') or [
             sender
             for topic in ('imu/mag', 'imu/temperature')
@@ -191,7 +191,7 @@ class ThermalCompNode(ConfiguredNode):
     def on_imu(self, sample: ImuSample) -> None:
         """Publish the compensated sample; orientation fields pass through.
 
-        What cannot have been measured in SI units is passed on as it came.
+        A sample that cannot be in SI units is passed on as it came.
         """
         if self._refused(self.check.on_imu(sample)):
             self._imu.send(sample)
@@ -205,7 +205,7 @@ class ThermalCompNode(ConfiguredNode):
         self._tell_applied(self.compensator.applied_before or self._label)
 
     def _tell_applied(self, label: str) -> None:
-        """Say which model is subtracted where that changes, to everybody who ever listens."""
+        """Publish which model is subtracted, latched, where that changes."""
         if label != self._applied_label:
             self._applied_label = label
             self._applied.publish(String(data=label))
@@ -233,7 +233,7 @@ class ThermalCompNode(ConfiguredNode):
             self.save_state()
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Return the compensator's condition, and what of the input is implausible."""
+        """Return the compensator's condition, and what is implausible in its input."""
         if not self.inputs:
             return 0, self.state, {}
         level, said, values = self.compensator.report()

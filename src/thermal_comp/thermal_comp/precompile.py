@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compile every kernel that fit, compare, diagnose and the node use, so that none of them waits.
+"""Compile every kernel of fit, compare, diagnose and the node, so that none of them has to wait.
 
 `python -m thermal_comp.precompile` fills numba's cache: seconds once instead of in the first fit.
 """
@@ -22,6 +22,7 @@ from thermal_comp.model.values import NoiseModel
 BAGS = (('mcap', 'zstd'), ('mcap', 'none'), ('sqlite3', 'none'))
 """Storage and compression of bags whose reading takes kernels of its own."""
 ROWS = 20
+"""Samples of the example that is compiled with."""
 
 
 def precompile() -> None:
@@ -47,7 +48,7 @@ def precompile() -> None:
 
 
 def _recording() -> ImuRecording:
-    """Return a few samples with every kind of topic: with and without a header, one and two."""
+    """Return a few samples with every kind of topic."""
     tracks = np.ones((ROWS, 3))
     return ImuRecording(
         stamp=np.arange(ROWS, dtype=np.int64) * 10_000_000 + 1_700_000_000_000_000_000,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model that loses to a line, or to none, on cycles it has not seen is said to."""
+"""A model that errs more on held-out cycles than a line, or than none, is named."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thermal_comp.data.fine_rows import fine_rows, measured_temperature
 from thermal_comp.data.preparation import prepare
 
 from imu_recording import ImuRecording
@@ -116,3 +117,27 @@ def test_cycles_without_a_set_point_are_found_in_the_temperature() -> None:
     assert any('3 thermal cycles are found in the temperature' in note for note in run.notes)
     (ramp,) = prepare([replace(still(3.0, 1.0), temperature=np.linspace(10.0, 60.0, 10800))])
     assert not ramp.has_cycles
+
+
+def test_bins_count_from_the_origin_whatever_was_cut() -> None:
+    recording = still(0.1, 10.0)
+    origin = int(recording.stamp[0])
+    whole, _ = fine_rows(recording, origin, 1.0)
+    late, _ = fine_rows(recording.rows(slice(34, None)), origin, 1.0)
+    np.testing.assert_array_equal(late.stamp, whole.stamp[3:])
+    np.testing.assert_array_equal(late.temperature[1:], whole.temperature[4:])
+
+
+def test_a_held_temperature_is_interpolated_between_its_measurements() -> None:
+    recording = still(0.5, 1.0)
+    measured = np.arange(len(recording)) // 20 * 20
+    held = replace(
+        recording,
+        temperature=recording.temperature[measured],
+        temperature_stamp=recording.stamp[measured],
+    )
+    off = [
+        np.abs(r.temperature - recording.temperature)[:-20]
+        for r in (held, measured_temperature(held))
+    ]
+    assert off[1].max() < 0.02 * off[0].max()

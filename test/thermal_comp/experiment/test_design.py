@@ -14,7 +14,7 @@ from thermal_comp.experiment.design import (
     design_experiment,
     within,
 )
-from thermal_comp.experiment.plan import PAPER, Plan, Segment, predict_runs, set_points
+from thermal_comp.experiment.plan import PAPER_PLAN, Plan, Segment, predict_runs, set_points
 from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
@@ -81,7 +81,7 @@ def test_orientation_pairs_are_blind_on_three_runs_and_seen_with_one_turned() ->
     noise, base = device.sensors['accelerometer'].noise, [EFFECTS['bias_temperature']()]
     assert noise is not None
     three, four = (
-        PredictedDesign(predict_runs(PAPER, axes), 'accelerometer', noise, base)
+        PredictedDesign(predict_runs(PAPER_PLAN, axes), 'accelerometer', noise, base)
         for axes in (('+x', '+y', '+z'), ('+x', '+y', '+z', '-z'))
     )
     scale, misaligned = (
@@ -118,7 +118,7 @@ def test_evidence_grows_with_the_square_of_the_fitted_size() -> None:
     )
     assert small.sensor == large.sensor == 'gyroscope'
     runs = PredictedDesign(
-        predict_runs(PAPER), 'gyroscope', QUIET, [EFFECTS['bias_temperature']()]
+        predict_runs(PAPER_PLAN), 'gyroscope', QUIET, [EFFECTS['bias_temperature']()]
     )
     rate = Rival.of('temperature_rate', model(), 'gyroscope', CATALOGUE).sized(runs)
     promised = [
@@ -172,7 +172,7 @@ def test_every_plan_tried_can_be_run() -> None:
 
 def test_too_short_a_time_is_refused() -> None:
     with pytest.raises(ModelError, match='2 h are too short for 3 cycles'):
-        within(PAPER, ChamberLimits(hours=2.0))
+        within(PAPER_PLAN, ChamberLimits(hours=2.0))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's argument: devices differ, even in sign, so that one model for all is none."""
+"""The paper's argument: slopes of devices differ, even in sign, and cannot be pooled."""
 
 import numpy as np
 import pytest

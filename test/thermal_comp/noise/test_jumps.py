@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jumps of the level between blocks are found to the block, and switches are none."""
+"""Jumps of the level between blocks are found to the block; a level that switches has none."""
 
 import numpy as np
 import pytest

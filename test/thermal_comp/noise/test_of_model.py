@@ -26,7 +26,7 @@ TRUE_NOISE = NoiseModel(
 )
 """Of what `coloured` draws sample by sample."""
 SETTLING = 4000
-"""Samples after which a draw no longer knows where it began."""
+"""Samples after which a draw is independent of its start."""
 
 
 @pytest.fixture(scope='module')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bursts far apart: how their levels scatter is noise, and none is taken out."""
+"""Bursts far apart: the scatter of their levels is noise, a knock between them is not."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from thermal_comp.noise.of_runs import determined_noise, usual_noise
 from ..campaign import PERIOD, WHITE, chamber, run
 
 WANDERING = 1.5 * WHITE['angular_velocity']
-"""Standard deviation of what wanders within minutes, beside the noise of every run."""
+"""Standard deviation of slow noise of a few minutes, beside the noise of every run."""
 
 CYCLES, HOUR = 8, 3600.0
 

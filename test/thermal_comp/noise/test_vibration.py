@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What shakes a device at times adds noise to some rows; they tell less, and the others all."""
+"""Vibration adds noise to some rows: they weigh less, and still rows keep their noise."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was added is told with its parameters and how far the error still is from the floor."""
+"""An added effect is shown with its parameters and the error that is left, in noise floors."""
 
 import numpy as np
 from thermal_comp.effects import EFFECTS

@@ -55,7 +55,7 @@ def test_the_slope_comes_back_within_its_uncertainty() -> None:
 
 
 def test_the_spread_of_levels_is_told_and_ageing_is_not_asked_without_dates() -> None:
-    curve = pool().told()
+    curve = pool().sensor_curve()
     spread = np.hypot(curve.turn_on, curve.pose)
     assert (spread > 0.5 * TURN_ON).all()
     assert (spread < 2.0 * TURN_ON).all()

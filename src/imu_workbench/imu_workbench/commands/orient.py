@@ -9,7 +9,7 @@ import math
 from imu_recording.user_error import UserError
 from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
-from thermal_comp.compensation.stream import compensate
+from thermal_comp.compensation.recording import compensate
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
 

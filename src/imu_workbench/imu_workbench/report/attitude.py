@@ -24,7 +24,7 @@ from orientation_filters.rotation.arrays import (
     rotation_angle,
 )
 from orientation_filters.upsampling import upsample
-from thermal_comp.compensation.stream import compensate
+from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.startup import startup_rows
 from thermal_comp.model.values import ThermalModel
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured against modelled: where a model fails, in numbers."""
+"""Measured against modelled errors: how large, how far above the noise, where."""

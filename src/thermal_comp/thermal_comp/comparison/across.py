@@ -2,8 +2,8 @@
 """Whether the model of one device is good enough for another.
 
 For every ordered pair of devices the model fitted to the one is applied to the runs of the other,
-levels taken from these runs. Beside it stand what is measured without a model and what a device's
-own model leaves on a run it has not seen. Two values of a coefficient are compatible where they
+levels taken from these runs. It is compared with no model, and with the device's own model on runs
+that it was not fitted to. Two values of a coefficient are compatible where they
 differ by at most twice the standard uncertainty of their difference (JCGM 200:2012, 2.47).
 """
 
@@ -96,7 +96,7 @@ def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> li
 def _held_out(
     effects: Sequence[Effect], runs: Sequence[PreparedRun], whole: ThermalModel
 ) -> dict[Sensor, float]:
-    """Return what a device's own model leaves, each run without itself where it has several."""
+    """Return the rms of a device's own model, fitted without each run where there are several."""
     models = [
         fit_prepared(effects, [other for other in runs if other is not run])
         if len(runs) > 1

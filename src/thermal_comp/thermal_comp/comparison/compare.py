@@ -151,8 +151,8 @@ def compare_prepared(
         compared |= {s: _compare_sensor(runs, s, residuals[s], held) for s in group}
         if held.relearned:
             relearned.append(
-                f'{"+".join(group)}: {", ".join(held.relearned)} of a held-out part can only be '
-                'told by itself and was taken from it, like a level'
+                f'{"+".join(group)}: {", ".join(held.relearned)} of a held-out part is '
+                'known from that part alone and was taken from it, like a level'
             )
     unseen = 'the model has not seen these recordings: its residual is itself held out'
     own = [note for run in runs for note in run.notes]

@@ -93,7 +93,9 @@ def hold_out(
                 )
             errors[run, sensor][rows] = error
     parts = [run.cv_group for run in runs]
-    return HeldOut(errors, variances, parts, tuple(sorted(relearned)))
+    return HeldOut(
+        errors=errors, variances=variances, parts=parts, relearned=tuple(sorted(relearned))
+    )
 
 
 def _without_part(design: Design, part: int) -> Design:

@@ -19,7 +19,7 @@ STEADY_RATE_C_PER_MIN = 0.2
 """Rate of the die temperature from which a block is on a branch, rising or falling [°C/min]."""
 LEAST_BLOCKS_IN_GROUP = 5
 """Blocks that a group has at least."""
-GROUPS_LISTED = 16
+MOST_GROUPS = 16
 """Groups that are returned at most, worst first."""
 
 
@@ -64,9 +64,9 @@ def rank_where(
         for k in np.flatnonzero(blocks >= LEAST_BLOCKS_IN_GROUP):
             *rms, ratio = (float(np.sqrt(total[k] / blocks[k])) for total in sums)
             names = dict(zip(keys, labels[k], strict=True))
-            found.append(Where(names, np.array(rms), ratio, int(blocks[k])))
+            found.append(Where(group=names, rms=np.array(rms), ratio=ratio, blocks=int(blocks[k])))
     found.sort(key=lambda where: -where.ratio)
-    return tuple(found[:GROUPS_LISTED])
+    return tuple(found[:MOST_GROUPS])
 
 
 Grouping = tuple[tuple[str, ...], list[tuple[Any, ...]], IntArray]
@@ -80,29 +80,18 @@ def groupings(runs: Sequence[PreparedRun]) -> list[Grouping]:
     both = np.where((phase >= 0) & (cycle > 0), cycle * len(PHASES) + phase, -1)
     temperature = np.concatenate([run.temperature for run in runs])
     low = np.floor(temperature / TEMPERATURE_BIN_C).astype(np.int64)
+    branch = np.concatenate([branches(run) for run in runs])
     ways = [
-        _grouped(('phase',), phase, phase >= 0, lambda k: (PHASES[k],)),
-        _grouped(('cycle',), cycle, cycle > 0, lambda k: (k,)),
-        _grouped(
-            ('phase', 'cycle'),
-            both,
-            both >= 0,
-            lambda k: (PHASES[k % len(PHASES)], k // len(PHASES)),
-        ),
-        _grouped(
-            ('branch',),
-            branch := np.concatenate([branches(run) for run in runs]),
-            branch != 0,
-            lambda k: ('rising' if k > 0 else 'falling',),
-        ),
-        _grouped(('temperature',), low, np.full(len(low), True), lambda k: (_bin_name(k),)),
+        _grouped(('phase',), phase, phase >= 0, _phase_label),
+        _grouped(('cycle',), cycle, cycle > 0, _number_label),
+        _grouped(('phase', 'cycle'), both, both >= 0, _phase_and_cycle_label),
+        _grouped(('branch',), branch, branch != 0, _branch_label),
+        _grouped(('temperature',), low, np.full(len(low), True), _temperature_label),
     ]
     if len(runs) > 1:
-        up = [orientation(run) for run in runs]
-        number = np.repeat([UP_AXES.index(name) for name in up], [len(run) for run in runs])
-        ways.append(
-            _grouped(('orientation',), number, np.full(len(number), True), lambda k: (UP_AXES[k],))
-        )
+        up = [UP_AXES.index(orientation(run)) for run in runs]
+        axis = np.repeat(up, [len(run) for run in runs])
+        ways.append(_grouped(('orientation',), axis, np.full(len(axis), True), _up_axis_label))
     return ways
 
 
@@ -112,8 +101,39 @@ def _grouped(
     known: NDArray[np.bool_],
     label: Callable[[int], tuple[Any, ...]],
 ) -> Grouping:
+    """Return the grouping of blocks by a code (m,), those where it is not known in no group."""
     codes, member = np.unique(code, return_inverse=True)
     return keys, [label(k) for k in codes.tolist()], np.where(known, member, -1)
+
+
+def _phase_label(code: int) -> tuple[str]:
+    return (PHASES[code],)
+
+
+def _number_label(code: int) -> tuple[int]:
+    return (code,)
+
+
+def _phase_and_cycle_label(code: int) -> tuple[str, int]:
+    return PHASES[code % len(PHASES)], code // len(PHASES)
+
+
+def _branch_label(code: int) -> tuple[str]:
+    return ('rising' if code > 0 else 'falling',)
+
+
+def _up_axis_label(code: int) -> tuple[str]:
+    return (UP_AXES[code],)
+
+
+def _temperature_label(code: int) -> tuple[str]:
+    """Return the range of a bin.
+
+    >>> _temperature_label(-1)
+    ('-10 … 0 °C',)
+    """
+    low = int(code * TEMPERATURE_BIN_C)
+    return (f'{low} … {low + int(TEMPERATURE_BIN_C)} °C',)
 
 
 def branches(run: PreparedRun) -> IntArray:
@@ -122,16 +142,6 @@ def branches(run: PreparedRun) -> IntArray:
         return np.zeros(len(run), dtype=np.int64)
     rate = np.gradient(run.temperature, run.time) * 60.0
     return np.where(np.abs(rate) > STEADY_RATE_C_PER_MIN, np.sign(rate), 0.0).astype(np.int64)
-
-
-def _bin_name(number: int) -> str:
-    """Return the bin in words.
-
-    >>> _bin_name(-1)
-    '-10 … 0 °C'
-    """
-    low = int(number * TEMPERATURE_BIN_C)
-    return f'{low} … {low + int(TEMPERATURE_BIN_C)} °C'
 
 
 def orientation(run: PreparedRun) -> str:

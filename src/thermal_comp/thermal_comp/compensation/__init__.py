@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subtract the modelled error: from whole recordings and sample by sample."""
+"""Subtraction of the modelled error, from whole recordings and sample by sample."""

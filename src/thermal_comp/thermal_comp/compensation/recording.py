@@ -24,18 +24,22 @@ OUTSIDE_THE_RANGE: Mapping[Extrapolation, str] = {
     'line': 'extrapolated',
     'clamp': 'compensated as at the edge',
 }
-"""What is done there, in words."""
+"""How rows outside them are treated, in words."""
 DEFAULT_EXTRAPOLATION: Extrapolation = 'line'
-"""Fitted to the middle of their range, models leave less beyond it as tangents than held at its
-ends, on simulated and on measured devices: benchmarks/extrapolation.py."""
+"""Models fitted to the middle of a range err less beyond it as tangents than held at its ends, on
+simulated and on measured devices: benchmarks/extrapolation.py."""
+TIMEOUT_S = 10.0
+"""Age from which a die temperature is not used [s]."""
+ROWS_AT_A_TIME = 50_000
+"""Rows taken at a time, to bound memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorError:
-    """Error of n samples and what is known about it."""
+    """Error of n samples, its uncertainty, and the history after them."""
 
     error: FloatArray
-    """(n, 3) to subtract [unit]; zero where nothing can be said."""
+    """(n, 3) to subtract [unit]; zero where no effect can be applied."""
     covariance: FloatArray
     """(n, 3, 3) of the error [unit²]: coefficients, effects not applied, extrapolation."""
     outside: NDArray[np.bool_]
@@ -48,7 +52,7 @@ class SensorError:
 
 @dataclass(frozen=True, eq=False)
 class SensorPlan:
-    """What a sensor model says about every sample alike."""
+    """The part of a sensor model that is the same for every sample."""
 
     effects: tuple[Effect, ...]
     """The device effects."""
@@ -99,11 +103,10 @@ def sensor_error(
     """Return the modelled error of the device effects for rows with a finite temperature.
 
     Outside the fitted temperatures the model runs on as a tangent, or sees the temperature of the
-    edge (`plan.extrapolation`); there the whole modelled error
-    is taken to be uncertain in proportion to the distance, in units of half the range, beside
-    what the coefficients leave open. An effect whose
-    channel is not known in a row adds nothing there but its rms in the fit to the variance.
-    `uncertain` False saves the coefficients' part of the covariance.
+    edge (`plan.extrapolation`); there the whole modelled error is taken to be uncertain in
+    proportion to the distance, in units of half the range, beside the uncertainty of the
+    coefficients. An effect whose channel is not known in a row adds no error there, but its rms in
+    the fit to the variance. `uncertain` False saves the coefficients' part of the covariance.
     """
     n = len(conditions)
     error, variance = np.zeros((n, 3)), np.zeros((n, 3))
@@ -137,7 +140,13 @@ def sensor_error(
     if uncertain:
         covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
     covariance[:, [0, 1, 2], [0, 1, 2]] += variance
-    return SensorError(error, covariance, beyond != 0.0, skipped, tuple(history))
+    return SensorError(
+        error=error,
+        covariance=covariance,
+        outside=beyond != 0.0,
+        skipped=skipped,
+        states=tuple(history),
+    )
 
 
 def has_history(model: SensorModel, conditions: Conditions) -> bool:
@@ -150,7 +159,7 @@ def has_history(model: SensorModel, conditions: Conditions) -> bool:
 
 
 def depends_on_time(model: SensorModel, conditions: Conditions) -> bool:
-    """Tell whether a device effect's first sample depends on when it is, by a day's difference."""
+    """Tell whether a device effect's first sample depends on its time: it is tried a day later."""
     later = replace(conditions, time=conditions.time + 86_400.0)
     return any(
         not np.array_equal(effect.columns(conditions)[0], effect.columns(later)[0])
@@ -160,6 +169,7 @@ def depends_on_time(model: SensorModel, conditions: Conditions) -> bool:
 
 
 def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
+    """Return the rows (n,) in which a channel of the effect is not known."""
     unknown = np.zeros(len(conditions), dtype=bool)
     for channel in effect.channels:
         values: Any = getattr(conditions, channel)
@@ -177,12 +187,6 @@ def _fill(jacobian: FloatArray, columns: FloatArray) -> None:
         return
     for axis in range(3):
         jacobian[:, axis, axis::3] = columns
-
-
-TIMEOUT_S = 10.0
-"""Age from which a die temperature is not used [s]."""
-ROWS_AT_A_TIME = 50_000
-"""Rows taken at a time, to bound memory."""
 
 
 def compensate(
@@ -330,6 +334,7 @@ class _Found:
 
 
 def _sensor(plan: SensorPlan, conditions: Conditions) -> _Found:
+    """Return the error of one sensor, computed a number of rows at a time."""
     error = np.empty((len(conditions), 3))
     outside = np.zeros(len(conditions), dtype=bool)
     skipped: dict[str, int] = {}

@@ -20,7 +20,6 @@ from thermal_comp.compensation.recording import (
     Extrapolation,
     SensorError,
     SensorPlan,
-    compensate,
     depends_on_time,
     has_history,
     plan_of,
@@ -34,13 +33,13 @@ from thermal_comp.model.values import ThermalModel
 Vector = tuple[float, float, float]
 
 REMEMBERED_TEMPERATURES = 4096
-"""Errors of a sensor that are kept, by temperature: 256 K in counts of 1/16 K."""
-REMEMBERED = 64
+"""Errors of a sensor that are kept by temperature: 256 K in counts of 1/16 K."""
+REMEMBERED_VALUES = 64
 """Values of a channel that are remembered for samples that arrive late."""
-__all__ = ['CompensatedVector', 'Compensator', 'Condition', 'compensate']
-
 JUMP_BACK_NS = 1_000_000_000
-"""A stamp that much before the newest is a new start, not a late sample [ns]."""
+"""A stamp so much before the newest is of a new start, not of a late sample [ns]."""
+NOT_REPORTED = -1.0
+"""First element of the covariance of a measurement that is not there (REP-145)."""
 
 Histories = dict[Sensor, tuple[State | None, ...]]
 
@@ -103,7 +102,7 @@ class Compensator:
         known = [s for s in SENSORS if s in model.sensors]
         self._plans = {s: plan_of(model.sensors[s], extrapolation) for s in known}
         self._errors: dict[Sensor, dict[float, _Prepared]] = {s: {} for s in known}
-        """By temperature, of sensors whose error it decides alone: counts come again and again."""
+        """By temperature, of sensors whose error depends on it alone: its counts recur."""
         self._needs_vibration = 'vibration' in self.channels
         self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}
         self._noise_key = _noise_key(math.nan)
@@ -134,7 +133,7 @@ class Compensator:
     def report(self) -> tuple[int, str, dict[str, Any]]:
         """Return level (0 ok, 1 warn, 2 error), one line and values for diagnostics."""
         now = self.condition
-        troubles = [
+        warnings = [
             ('no model: data pass through unchanged', not self.model.sensors),
             ('no fresh temperature: data pass through unchanged', now.samples and now.stale),
             (
@@ -144,7 +143,7 @@ class Compensator:
             (f'not applied: {", ".join(now.not_applied)}', bool(now.not_applied)),
             ('history lost', now.history == 'lost'),
         ]
-        said = [text for text, true in troubles if true]
+        said = [text for text, true in warnings if true]
         if self.applied_before:
             done = f'compensated already ({self.applied_before})'
             said = [f'{done}: data pass through unchanged; parameter again compensates them']
@@ -168,7 +167,7 @@ class Compensator:
             values.append((stamp, value))
         else:
             insort(values, (stamp, value), key=lambda item: item[0])
-        if len(values) > REMEMBERED:
+        if len(values) > REMEMBERED_VALUES:
             del values[0]
 
     def on_imu(
@@ -250,7 +249,7 @@ class Compensator:
     def _found(
         self, plan: SensorPlan, sensor: Sensor, stamp: int, temperature: float, *, keep: bool
     ) -> _Prepared:
-        """Return the error of one sample; keep it where the temperature alone decides it."""
+        """Return the error of one sample; keep it where it depends on the temperature alone."""
         found = self._error(plan, sensor, stamp, temperature, keep=keep)
         self._note(plan, found)
         error = tuple(found.error[0].tolist())
@@ -340,15 +339,11 @@ def _needs_history(model: ThermalModel) -> bool:
     )
 
 
-NOT_REPORTED = -1.0
-"""First element of the covariance of a measurement that is not there (REP-145)."""
-
-
 def output_covariance(given: tuple[float, ...], measured: CompensatedVector) -> tuple[float, ...]:
-    """Return nine numbers, row-major: the sensor's noise plus what the model does not know.
+    """Return nine numbers, row-major: the sensor's noise plus the uncertainty of the model.
 
-    `given` is the covariance the measurement came with: kept where it says there is none, taken
-    as the sensor's noise where it is known, else the model's own noise stands in.
+    `given` is the covariance the measurement came with: kept where it says that there is no
+    measurement, taken as the sensor's noise where it is known, else the model's noise is taken.
     """
     if given[0] == NOT_REPORTED:
         return given
@@ -380,7 +375,7 @@ class OutputCovariance:
 
 
 class CompensatedSamples:
-    """Samples with what was measured replaced by what is left of it."""
+    """Makes samples of compensated vectors, with all else as it came."""
 
     def __init__(self) -> None:
         self._rate, self._force, self._field = (OutputCovariance() for _ in range(3))

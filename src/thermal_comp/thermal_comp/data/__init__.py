@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is fitted: conditions of a measurement, runs as block means, quality of the data."""
+"""The data that are fitted: conditions of a measurement, runs as block means, data quality."""

@@ -53,7 +53,7 @@ class Conditions:
     time_before: float = 0.0
     """Time from the first sample of the campaign's first run to where `time` is zero [s]."""
     sensor: Sensor = 'accelerometer'
-    """The sensor whose error is asked for."""
+    """The sensor whose error an effect is to give."""
     reference_temperature: float = REFERENCE_TEMPERATURE
     """[°C]."""
     orientation: FloatArray | None = None

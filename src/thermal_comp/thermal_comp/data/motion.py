@@ -99,8 +99,8 @@ def left_out_note(name: str, motion: str) -> str:
 def _why(motion: str) -> str:
     return (
         f'{motion}, and temperature error is found on a device at rest. '
-        'Record it resting; what the error costs in motion says "python -m imu_workbench orient '
-        'BAG --model MODEL"'
+        'Record it resting; "python -m imu_workbench orient BAG --model MODEL" says what the '
+        'error costs in motion'
     )
 
 

@@ -55,7 +55,7 @@ def prepare(
             recording,
             run_name(recording, number, names),
             period=period,
-            truth=truth or resting,
+            truth=truth or resting_conditions,
         )
         for number, recording in enumerate(recordings, 1)
     ]
@@ -87,14 +87,18 @@ def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str
     return name if taken[name] == 1 else f'{name} ({taken[name]})'
 
 
-def resting(recording: ImuRecording) -> Conditions:
-    """Return the conditions of a device at rest, mounted as its up axis tells."""
+def resting_conditions(recording: ImuRecording) -> Conditions:
+    """Return the conditions of a device at rest, its up axis up."""
     rotation = mounting_rotation(recording.up_axis) if recording.up_axis else None
     return static_conditions(recording, orientation=rotation)
 
 
 def prepare_run(
-    recording: ImuRecording, name: str, *, period: float | None = None, truth: Truth = resting
+    recording: ImuRecording,
+    name: str,
+    *,
+    period: float | None = None,
+    truth: Truth = resting_conditions,
 ) -> PreparedRun:
     """Return the prepared run of one recording."""
     if len(recording) < 2:
@@ -103,7 +107,7 @@ def prepare_run(
     whole = recording.rows(stretch).with_notes(jumped) if jumped else recording
     recording = cut_startup(whole)
     notes = list(recording.notes)
-    if truth is resting:  # in motion a single row may truly differ from its neighbours
+    if truth is resting_conditions:  # in motion a single row may truly differ from its neighbours
         recording, damaged = without_damage(recording)
         notes += damaged
     recording = measured_temperature(recording)
@@ -155,8 +159,8 @@ def prepare_run(
         )
     if gaps := len(ends_of_long_gaps(run.conditions.time)):
         notes.append(
-            f'{gaps} long {"gap" if gaps == 1 else "gaps"}: what the temperatures of '
-            f'{"it" if gaps == 1 else "them"} left behind is unknown, and fitted beside the level'
+            f'{gaps} long {"gap" if gaps == 1 else "gaps"}: the thermal state after '
+            f'{"it" if gaps == 1 else "them"} is unknown, and fitted beside the level'
         )
     if not run.has_cycles:
         count = int(run.cv_group.max(initial=0))

@@ -30,7 +30,7 @@ from thermal_comp.linear.columns import orthonormal, project_out
 MISSING_SHARE = 0.005
 """Share of rows without a temperature from which that is a fault."""
 SLOWEST_DIE_S = 1800.0
-"""No die follows its surroundings with a longer time constant [s]."""
+"""Longest time constant of a die behind the temperature around it [s]."""
 LEAST_DIE_CHANGE_K = 1.0
 """Change of the fastest and of the slowest possible die during which a thermometer that stands
 still has failed [K]."""
@@ -75,10 +75,10 @@ class InstrumentFault:
     name: str
     rows: BoolArray
     """(n,) rows concerned."""
-    unusable: bool
-    """Whether the temperature of these rows is left out."""
     text: str
-    """What is wrong, and what that does to a fit."""
+    """The fault, and its consequence for a fit."""
+    unusable: bool = False
+    """Whether the temperature of these rows is left out."""
 
 
 def instrument_faults(recording: ImuRecording) -> list[InstrumentFault]:
@@ -96,14 +96,14 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     lost[: int(np.argmax(known))] = False  # nothing was measured yet
     if lost.sum() >= max(MISSING_ROWS, MISSING_SHARE * len(values)):
         text = f'no temperature in {int(lost.sum())} of {len(values)} rows: they fit nothing'
-        yield InstrumentFault('thermometer_missing', lost, False, text)
+        yield InstrumentFault('thermometer_missing', lost, text)
     measured = _measured(recording)
     if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
         if recording.time[-1] >= CONSTANT_S or _moved(_possible_dies(recording), every):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
-            yield InstrumentFault('thermometer_constant', every, False, text)
+            yield InstrumentFault('thermometer_constant', every, text)
         return
     stuck = stuck_temperature(recording)
     if stuck.any():
@@ -111,23 +111,25 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
             f'one value in {int(stuck.sum())} rows while the chamber changes: they are left out, '
             'as they would bend every curve'
         )
-        yield InstrumentFault('thermometer_constant', stuck, True, text)
+        yield InstrumentFault('thermometer_constant', stuck, text, unusable=True)
     if is_whole_degrees(measured):
         text = (
             'temperature in whole degrees: slopes keep their value, but lag, hysteresis and what '
-            'else follows the rate of change drown in steps of 1 K'
+            'else follows the rate of change are lost in steps of 1 K'
         )
-        yield InstrumentFault('thermometer_whole_degrees', every, False, text)
+        yield InstrumentFault('thermometer_whole_degrees', every, text)
     if source := copied_from(recording):
-        text = f'temperature is a copy of {source}: what lies between the two is fitted as a lag'
-        yield InstrumentFault('thermometer_copied', every, False, text)
+        text = (
+            f'temperature is a copy of {source}: the difference between the two is fitted as a lag'
+        )
+        yield InstrumentFault('thermometer_copied', every, text)
         return
     if ratio := wrong_scale(recording):
         text = (
             f'the die moves {ratio:.2g} K for each kelvin around it: all slopes are '
             f'{1.0 / ratio:.2g} times as large, and hold for this scale alone'
         )
-        yield InstrumentFault('thermometer_scale', every, False, text)
+        yield InstrumentFault('thermometer_scale', every, text)
 
 
 def _measured(recording: ImuRecording) -> FloatArray:
@@ -250,7 +252,7 @@ def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
                 'densities of noise and lags are wrong by as much'
             )
             rows = np.append(uneven, False)
-            yield InstrumentFault('coarse_clock', rows, False, text)
+            yield InstrumentFault('coarse_clock', rows, text)
         return
 
 

@@ -29,7 +29,8 @@ from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.empirical import empirical_form
-from thermal_comp.fitting.fit import fit_prepared, usable_sensors
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.inputs import usable_sensors
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import (

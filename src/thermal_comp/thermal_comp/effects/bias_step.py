@@ -14,9 +14,9 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import rise
 
-LONGEST_S = 300.0
+LONGEST_DURATION_S = 300.0
 """How long a step may last [s]."""
-SPACING_S = 1200.0
+SEARCH_SPACING_S = 1200.0
 """Distance of the step times a search tries [s]."""
 
 
@@ -28,7 +28,7 @@ class BiasStep(Effect):
         (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
     )
     duration: tuple[float, ...] = shape_parameter(
-        (0.0,), unit='s', bounds=(0.0, LONGEST_S), given=True
+        (0.0,), unit='s', bounds=(0.0, LONGEST_DURATION_S), given=True
     )
 
     name: ClassVar[str] = 'bias_step'
@@ -80,7 +80,7 @@ class BiasStep(Effect):
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return steps all along, in all runs at once or in one, and each run's likeliest."""
         found = []
-        for time in np.arange(SPACING_S, max(campaign.durations), SPACING_S):
+        for time in np.arange(SEARCH_SPACING_S, max(campaign.durations), SEARCH_SPACING_S):
             step = cls((float(time),))
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
@@ -89,9 +89,10 @@ class BiasStep(Effect):
 
 
 def _is_edge(candidate: Candidate, campaign: Campaign) -> bool:
-    """Tell whether a step is the course of one that is known: no two lie so close together."""
+    """Tell whether a step belongs to one that is known: no two lie so close together."""
     (time,) = candidate.effect.occurrences
     return any(
-        abs(time - known) < LONGEST_S and (run == candidate.run or None in (run, candidate.run))
+        abs(time - known) < LONGEST_DURATION_S
+        and (run == candidate.run or None in (run, candidate.run))
         for run, known in campaign.occurred
     )

@@ -37,7 +37,7 @@ class CColumns:
 
 @dataclass(frozen=True)
 class Signal:
-    """A quantity with a history, advanced once a sample whoever asks for it."""
+    """A quantity with a history, advanced once a sample, however many effects use it."""
 
     kind: Kind
     value: str
@@ -55,7 +55,7 @@ class Signals:
 
     listed: list[Signal] = field(default_factory=list)
     channels: dict[str, int] = field(default_factory=dict)
-    """Number of components of each channel that was asked for."""
+    """Number of components of each channel that is used."""
 
     def output(self, signal: Signal) -> str:
         """Return the expression of a signal's output."""
@@ -144,7 +144,7 @@ class CForm:
     def behind(self, value: str, time_constant: float) -> str:
         """Return by how much a first-order lag is above the value it follows.
 
-        The difference is what is kept, so that a slow lag does not drown in single precision.
+        The state holds the difference: in single precision a slow lag would be lost in rounding.
         The lag starts settled; the value is linear between samples (`operators.follow`).
         """
         return self._signal('lag', value, time_constant)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect promises: finite causal columns of one shape, equal wherever a stream is cut.
+"""The contract of an effect: finite causal columns of one shape, equal wherever a stream is cut.
 
-And that what it says about its search and about other effects holds together.
+What it declares about its search and about other effects has to be consistent, too.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 RELATIONS = ('look_alikes', 'separated_by_cycles')
 """Attributes that name other effects."""
 LARGEST_GROWTH_RATIO = 20.0
-"""Ratio of columns at a hundred and at ten times a temperature above which they outgrow it."""
+"""Ratio of columns at a hundred and at ten times a temperature above which an effect bends."""
 USER_MODULES = 'user_effects_'
-"""What the names of modules begin with that are read from files of a user's effects."""
+"""Prefix of the names of modules that are read from files of a user's effects."""
 EXPLAINED_BY = ('mechanism', 'separation', 'typical_size', 'reference')
 """Texts that an effect of the catalogue has."""
 CAMPAIGN = Campaign(
@@ -38,7 +38,7 @@ CAMPAIGN = Campaign(
     spectral_lines=lambda: [(0.0123, 0.0), (0.0123, 2e-5)],
     step_times=lambda: [(1, 20_000.0, 0.0)],
 )
-"""An example of what a search is given to choose forms from."""
+"""An example of the runs that a search chooses forms for."""
 
 
 def check_effect(
@@ -152,7 +152,7 @@ def _within(value: Any, bounds: tuple[float, float]) -> bool:
 
 
 def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> list[str]:
-    """Return what does not hold together in what is said beside the columns."""
+    """Return what is inconsistent in what an effect declares about others."""
     problems = []
     named: dict[str, tuple[str, ...]] = {r: getattr(effect, r) for r in RELATIONS}
     named['twin'] = (effect.twin,) if effect.twin else ()
@@ -249,7 +249,7 @@ def _problems_of_the_c_form(effect: Effect, sensor: Sensor, columns: FloatArray)
 
 
 def _problems_far_out(effect: Effect) -> list[str]:
-    """Columns must not outgrow the temperature where it leaves what a fit has seen."""
+    """Columns must not grow faster than the temperature, unless the effect bends."""
     if effect.bends:
         return []
     seen = example_conditions(sensor=effect.sensors[0])

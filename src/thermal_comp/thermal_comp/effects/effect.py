@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a physical effect is: its columns, and all that is known about it beside them."""
+"""A physical effect: its columns, and what else search, diagnosis and reports know about it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from thermal_comp.effects.resolution import example_cycle, refined, thinned
 State = Any
 """History an effect carries from one piece of a stream to the next: a tuple of plain numbers."""
 Kin = Literal['', 'temperature', 'orientation', 'time']
-"""What the errors of kindred effects follow."""
+"""Groups of effects, by what their errors follow."""
 FLIP = 'flip: add a run with one axis pointing down'
-"""Action that separates what turns with the device from what does not."""
+"""Action that separates effects that turn with the device from effects that do not."""
 COUNT = '1'
-"""Unit of a parameter that counts: it is part of the form, neither searched nor fitted."""
+"""Unit of a parameter that is a number or a choice: part of the form, not searched or fitted."""
 
 
 def shape_parameter(
@@ -68,7 +68,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """What the runs offer a search to choose the forms of an effect from."""
+    """What a search knows of the runs when it chooses forms of an effect."""
 
     cycles: int
     """Thermal cycles of the run that has most."""
@@ -83,7 +83,7 @@ class Campaign:
     channels: frozenset[str] = frozenset()
     """Channels that were logged in every run."""
     occurred: Sequence[tuple[int | None, float]] = ()
-    """Run, None for all, and time [s] of what is known to have happened: its edge is none anew."""
+    """Run, None for all, and time [s] of known events: near one no other is looked for."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ class Effect:
     The class attributes describe it; `explain` and doc/physics.md print them. Device effects
     belong to the sensor, are causal and are compensated in the field; campaign effects belong to
     chamber, fixture or session and are fitted only so that they do not spoil the coefficients.
-    The attributes from `searched` on, and the methods after `columns`, tell search, diagnosis and
-    the planning of experiments what they cannot see in the columns; the defaults suit most.
+    The attributes from `searched` on, and the methods after `columns`, are for search, diagnosis
+    and the planning of experiments; their defaults suit most effects.
     """
 
     name: ClassVar[str] = ''
@@ -131,33 +131,33 @@ class Effect:
     names_cause: ClassVar[bool] = True
     """False where it follows whatever lowers the error: its cause is undecided."""
     bends: ClassVar[bool] = False
-    """True where it grows faster than in proportion to temperature: outside the temperatures a
-    model was fitted at its slope at the edge runs on."""
+    """True where it grows faster than in proportion to temperature: outside the fitted ones it
+    goes on with its slope at the edge."""
     first_order: ClassVar[bool] = False
-    """True where it relaxes with one time constant: a body of several parts would with several."""
+    """True where it relaxes with one time constant; a real body may relax with several."""
     least_ratio: ClassVar[float] = 0.0
-    """Ratio of a shape parameter to the one before it from which a search tells them apart: two
-    stages with nearly the same time constant are one, whose time constant is a little off."""
+    """Least ratio of a shape parameter to the one before it in a search: two stages of nearly one
+    time constant cannot be told from a single stage."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
     temperature_only: ClassVar[bool] = False
-    """True where it depends on the sample's own die temperature alone: a compensator that meets
-    the temperature again has its columns already."""
+    """True where it depends on the sample's own die temperature alone: a compensator may keep its
+    columns by temperature."""
     time_only: ClassVar[bool] = False
-    """True where it depends on time alone, so that noise that wanders may look like it."""
+    """True where it depends on time alone, so that slow noise may look like it."""
     kin: ClassVar[Kin] = ''
-    """Group whose members can stand for a flaw in each other's form."""
+    """Group of effects of which one may fit what the equation of another lacks."""
     twin: ClassVar[str] = ''
-    """Effect with nearly its course, told from it by small differences alone, and not at all where
-    a channel of that one was not logged."""
+    """Effect with nearly the same columns: told from it by small differences, and not at all where
+    that one's channel was not logged."""
     separated_by_cycles: ClassVar[tuple[str, ...]] = ()
-    """Effects from which only a temperature that returns, or comes at several rates, tells it."""
+    """Effects from which it is told only by a temperature that returns or has several rates."""
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ()
     """Sensors on which only other orientations tell it from a bias over temperature."""
     guessed_channel: ClassVar[str] = ''
-    """Channel that it guesses from others; what it explains is that this one was not logged."""
+    """Channel that it guesses from others: finding it says that this channel was not logged."""
     separating_action: ClassVar[str] = ''
-    """What an experiment can do beside the temperature profile to tell it from its rivals."""
+    """Action that tells it from its rivals in an experiment, beside the temperature profile."""
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -178,9 +178,9 @@ class Effect:
         return None
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
-        """Return the columns for a run that is known to its end, of a smoothed temperature.
+        """Return the columns of a whole run and its smoothed temperature, for a diagnosis.
 
-        What a diagnosis compares: an effect that must smooth or delay to be causal overrides it.
+        An effect that smooths or delays only to be causal overrides it.
         """
         return self.columns(conditions)[0]
 
@@ -246,7 +246,7 @@ class Effect:
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return the forms that a search over these runs tries first, as close as it needs."""
+        """Return the forms that a search over these runs tries first."""
         kind: Any = cls
         return [Candidate(form) for form in _resolved(kind)]
 
@@ -257,13 +257,13 @@ class Effect:
 
     @classmethod
     def guess(cls) -> type[Effect] | None:
-        """Return the effect with its channel guessed, for runs that lack it; None: no guess."""
+        """Return the effect with its channel guessed, for runs without it; None: it cannot be."""
         return None
 
     def live_forms(self) -> tuple[Self, ...]:
-        """Return forms that are one effect, but filter the noise of the thermometer differently.
+        """Return this form and others that only filter the thermometer's noise differently.
 
-        This one comes first. A fit takes the one with the smallest error on held-out parts.
+        A fit takes the one with the smallest error on held-out parts.
         """
         return (self,)
 
@@ -273,16 +273,16 @@ class Effect:
 
     @property
     def line_frequency(self) -> float | None:
-        """Frequency of the spectral line that it is [Hz]; what its form lacks lies beside it."""
+        """Frequency of the spectral line that it is [Hz]; None where it is none."""
         return None
 
     @property
     def of_any_cause(self) -> bool:
-        """Whether anything else with the same course would look exactly as this form does."""
+        """Whether an error of any other cause may have exactly these columns."""
         return False
 
     def is_kin_of(self, other: Effect) -> bool:
-        """Tell whether one can stand for a flaw in the form of the other."""
+        """Tell whether one may fit what the equation of the other lacks."""
         return self.kin != '' and self.kin == other.kin
 
 
@@ -315,7 +315,7 @@ def columns_from(
 ) -> tuple[FloatArray, State | None]:
     """Return the columns of a model that was fitted within a span of temperature [°C].
 
-    What bends runs straight on outside it.
+    Outside the span effects that bend go on with their slope at its edge.
     """
     temperature = conditions.temperature
     held = np.minimum(np.maximum(temperature, span[0]), span[1])
@@ -330,9 +330,9 @@ def columns_from(
 
 
 def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects with the values of repeated ones joined: several steps are one effect.
+    """Return the effects with repeated ones joined: two steps are one effect of two step times.
 
-    What belongs together stays so: every step keeps its duration.
+    Values of one occurrence stay together: every step keeps its duration.
     """
     joined: dict[str, Effect] = {}
     for effect in effects:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A smooth function of temperature and its history where no cause is decided."""
+"""A smooth function of temperature and its history, for errors whose cause is undecided."""
 
 from __future__ import annotations
 
@@ -22,22 +22,24 @@ LAGS_S = tuple(np.geomspace(10.0, 5000.0, 10).tolist())
 LAG_CORRELATION = 0.8
 """Change of ln τ over which the amplitudes of lags stay alike."""
 ALIKE_IN_RAMPS_S = 600.0
-"""A lag of τ counts (1 + this / τ): all are as large in a ramp of a few K/min."""
+"""A lag of τ is weighted by (1 + this / τ) [s]: in ramps of a few K/min all lags are as large."""
 HALF_WIDTHS_K = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Half-widths of plays [K]."""
 DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
-"""Times since power-on [s] after which a start-up has settled."""
+"""Time constants of decays since power-on [s]."""
 GROUPS = np.repeat(np.arange(4), (len(DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S)))
 """(p,) group of each column: temperature, lags, branches, time since power-on."""
 
 
 def _lag_root() -> FloatArray:
-    """(l, l) Cholesky factor of the correlation of the lags' amplitudes."""
+    """Return (l, l) the Cholesky factor of the correlation of the lags' amplitudes."""
     apart = np.subtract.outer(np.log(LAGS_S), np.log(LAGS_S)) / LAG_CORRELATION
     root: FloatArray = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-4 * np.eye(len(LAGS_S)))
     return root
 
 
 LAG_ROOT = _lag_root()
+"""Mixing by which independent coefficients give lags amplitudes that are alike."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moisture uptake of the package, of a humidity that was logged or of one that is guessed."""
+"""Moisture in the package, by a humidity that was logged or by one that is guessed."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from thermal_comp.effects.operators import grow_and_melt
 
 ENDLESS_WATER_S = 100_000.0
 """Time in which the water would be used up at −10 °C where it never is."""
-MELT_PACES = (0.5, 1.0, 2.0, 4.0)
+MELT_RATIOS = (0.5, 1.0, 2.0, 4.0)
 """How much faster ice melts at 10 °C than it grows at −10 °C."""
 
 
@@ -78,5 +78,5 @@ class Icing(Effect):
         grow, melt = np.geomspace(300.0, 10_000.0, 6), np.geomspace(60.0, 2500.0, 7)
         own = [cls(float(g), float(m)) for g in grow for m in melt]
         times = [*np.geomspace(750.0, 6000.0, 4).tolist(), ENDLESS_WATER_S]
-        by_degrees = [cls(time, time / pace, 1.0) for time in times for pace in MELT_PACES]
+        by_degrees = [cls(time, time / ratio, 1.0) for time in times for ratio in MELT_RATIOS]
         return [Candidate(form) for form in (*own, *by_degrees)]

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
 from thermal_comp.effects.operators import time_integral
 
-LEAST_DRIFT = 1e-5
+LEAST_DRIFT_HZ_PER_K = 1e-5
 """Drift from which a line moves with a clock [Hz/K]: 0.2 ppm/K of 50 Hz, as a quartz has it."""
 
 
@@ -81,4 +81,4 @@ class MainsAlias(Effect):
 
         An alias moves with the clock, a machine's comes and goes with it.
         """
-        return abs(self.drift) < LEAST_DRIFT and self.machine == 0.0
+        return abs(self.drift) < LEAST_DRIFT_HZ_PER_K and self.machine == 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operators effects are built of: first-order lag, play, ice growth, chamber-fixed fields."""
+"""Operators that effects are built of: first-order lag, play, ice, fields fixed in the chamber."""
 
 from __future__ import annotations
 

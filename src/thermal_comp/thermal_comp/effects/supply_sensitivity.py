@@ -12,7 +12,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State
 
-NOMINAL_SUPPLY = 3.3
+NOMINAL_SUPPLY_V = 3.3
 """Voltage the bias refers to [V]."""
 
 
@@ -40,8 +40,8 @@ class SupplySensitivity(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): V − 3.3 V."""
         assert conditions.supply_voltage is not None  # noqa: S101 (declared in channels)
-        return (conditions.supply_voltage - NOMINAL_SUPPLY)[:, None], None
+        return (conditions.supply_voltage - NOMINAL_SUPPLY_V)[:, None], None
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return V − 3.3 V."""
-        return CColumns([f'({c.channel("supply_voltage")} - {c.number(NOMINAL_SUPPLY)})'])
+        return CColumns([f'({c.channel("supply_voltage")} - {c.number(NOMINAL_SUPPLY_V)})'])

@@ -14,7 +14,7 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
-SMOOTHINGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+SMOOTHINGS_S = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Time constants of the derivative filter that are tried [s]."""
 
 
@@ -60,7 +60,7 @@ class TemperatureRate(Effect):
 
     def live_forms(self) -> tuple[TemperatureRate, ...]:
         """Return it with derivatives smoothed over seconds to a quarter of an hour."""
-        others = [value for value in SMOOTHINGS if value != self.smoothing]
+        others = [value for value in SMOOTHINGS_S if value != self.smoothing]
         return (self, *(replace(self, smoothing=value) for value in others))
 
     def c_columns(self, c: CForm) -> CColumns:

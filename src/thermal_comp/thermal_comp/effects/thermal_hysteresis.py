@@ -15,7 +15,7 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import play
 
-HALF_WIDTHS = np.geomspace(0.8, 28.0, 13)
+HALF_WIDTHS_K = np.geomspace(0.8, 28.0, 13)
 """Half-widths of plays a search tries [K]."""
 
 
@@ -66,7 +66,7 @@ class ThermalHysteresis(Effect):
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return single plays, and two, three and four whose half-widths are well apart."""
-        widths = HALF_WIDTHS.tolist()
+        widths = HALF_WIDTHS_K.tolist()
         chosen: list[tuple[float, ...]] = [(width,) for width in widths]
         for count in (2, 3):
             chosen += [

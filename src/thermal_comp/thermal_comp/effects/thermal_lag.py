@@ -14,8 +14,8 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
-TIME_CONSTANTS = np.geomspace(20.0, 7000.0, 18)
-"""Lags a search tries [s]; a faster one is the rate of change, as far as block means can tell."""
+TIME_CONSTANTS_S = np.geomspace(20.0, 7000.0, 18)
+"""Time constants a search tries [s]; a faster lag looks like a rate of change in block means."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ThermalLag(Effect):
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return lags from the fastest that is more than a rate of change."""
-        return [Candidate(cls(float(t))) for t in TIME_CONSTANTS if t <= 3600.0]
+        return [Candidate(cls(float(t))) for t in TIME_CONSTANTS_S if t <= 3600.0]
 
     @classmethod
     def sample_forms(cls) -> list[Self]:

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
-from thermal_comp.effects.thermal_lag import TIME_CONSTANTS, ThermalLag
+from thermal_comp.effects.thermal_lag import TIME_CONSTANTS_S, ThermalLag
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ThermalLagTwoStage(Effect):
         """Return pairs of lags that are well apart."""
         return [
             Candidate(cls(fast, slow))
-            for fast, slow in combinations(TIME_CONSTANTS.tolist(), 2)
+            for fast, slow in combinations(TIME_CONSTANTS_S.tolist(), 2)
             if slow > cls.least_ratio * fast and fast <= 600.0 and slow >= 120.0
         ]
 

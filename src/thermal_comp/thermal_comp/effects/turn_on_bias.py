@@ -19,7 +19,7 @@ class TurnOnBias(Effect):
 
     cycles: float = shape_parameter(4.0, unit='1', bounds=(2.0, 100.0))
     first: float = shape_parameter(2.0, unit='1', bounds=(1.0, 2.0))
-    """First cycle that is new; 2: what stands before the first cycle belongs to it."""
+    """First cycle with a bias of its own; 2: the first cycle has that of the time before it."""
 
     name: ClassVar[str] = 'turn_on_bias'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'

@@ -56,7 +56,7 @@ def _listed(files: Sequence[str | Path]) -> list[Path]:
 def source_of(effect: Effect | type[Effect]) -> dict[str, str] | None:
     """Return file and hash of an effect's source; None for an effect of the catalogue.
 
-    A model file tells by it which code its coefficients belong to; it never brings code.
+    A model file names by them the code that its coefficients belong to; it never contains code.
     """
     kind = effect if isinstance(effect, type) else type(effect)
     if EFFECTS.get(kind.name) is kind:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plan the thermal cycle that best tells two rival effects apart."""
+"""Plans of the thermal cycle that best tells two rival effects apart."""

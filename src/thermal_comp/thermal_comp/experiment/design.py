@@ -12,7 +12,7 @@ from imu_recording.user_error import did_you_mean
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.effect import FLIP, Effect
-from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, predict_runs
+from thermal_comp.experiment.plan import PAPER_PLAN, REFERENCE_C, Plan, Segment, predict_runs
 from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
@@ -99,7 +99,7 @@ def design_experiment(
     effects of a usual size.
     """
     separation = separation_of(names, model, catalogue, missing)
-    before = separation.evidence(within(PAPER, limits))
+    before = separation.evidence(within(PAPER_PLAN, limits))
     rng = np.random.default_rng(seed)
     plan, after = best_plan(separation.evidence, limits, rng, evaluations)
     separable = after >= SEPARATING_EVIDENCE
@@ -138,7 +138,7 @@ def separation_of(
     if noise is None:
         raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
     base = tuple(e for e in model.sensors[sensor].effects if e.name not in names)
-    usual = PredictedDesign(predict_runs(PAPER, UPRIGHT_AXES), sensor, noise, base)
+    usual = PredictedDesign(predict_runs(PAPER_PLAN, UPRIGHT_AXES), sensor, noise, base)
     rms = missing.get(sensor)
     one, other = (Rival.of(name, model, sensor, catalogue).sized(usual, rms) for name in names)
     return Separation((one, other), sensor, noise, base)
@@ -239,7 +239,7 @@ def best_plan(
     evaluations: int,
 ) -> tuple[Plan, float]:
     """Return the best plan and its evidence; a step changes, inserts or drops one segment."""
-    best = within(PAPER, limits)
+    best = within(PAPER_PLAN, limits)
     best_value = promise(best)
     for start in range(SEARCH_STARTS):
         plan = best if start == 0 else within(Plan(_random_cycle(limits, rng), 4), limits)

@@ -61,7 +61,7 @@ class Plan:
         return (PRECONDITION_S + self.repeats * self.cycle_s + FINAL_S) / 3600.0
 
 
-PAPER = Plan(
+PAPER_PLAN = Plan(
     (Segment(-10.0, 2.0, 1800.0), Segment(50.0, 2.0, 1800.0), Segment(20.0, 2.0, 1800.0)), 4
 )
 """The plan of Betta et al. 2022."""

@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import Truth, prepare, resting
+from thermal_comp.data.preparation import Truth, prepare, resting_conditions
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
@@ -36,8 +36,6 @@ from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, Therm
 from thermal_comp.noise.estimation import noise_product
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
 from thermal_comp.noise.vibration import note_of_vibration
-
-__all__ = ['Effects', 'FittedGroup', 'device_of', 'fit', 'fit_prepared', 'usable_sensors']
 
 
 def fit(
@@ -266,7 +264,7 @@ def fit_full_rate(
     for listed in {m.effects for m in model.sensors.values()}:
         same = [s for s in SENSORS if s in model.sensors and model.sensors[s].effects == listed]
         if listed and not any(_shared(effect, runs[0], same) for effect in listed):
-            refitted = _refit(listed, same, model, runs, recordings, truth or resting)
+            refitted = _refit(listed, same, model, runs, recordings, truth or resting_conditions)
             sensors.update(refitted)
     notes = (*model.provenance.notes, 'coefficients per axis are fitted to single samples')
     return replace(model, sensors=sensors, provenance=replace(model.provenance, notes=notes))

@@ -126,7 +126,7 @@ def with_live_forms(
 ) -> tuple[Effect, ...]:
     """Return the effects, each in the live form that leaves the least on held-out parts.
 
-    Beside coefficients with a prior (an empirical term) they stand as they are.
+    Where one has a prior of its coefficients (an empirical term) all stay as they are.
     """
     chosen = tuple(effects)
     if any(effect.coefficient_deviations() is not None for effect in effects):

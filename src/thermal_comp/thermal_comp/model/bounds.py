@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical bounds of a model: what no sensor of any make does is a damaged or foreign file."""
+"""Physical bounds of a model: a file that exceeds what sensors do is damaged or no model."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from thermal_comp.effects.effect import Effect
 LARGEST_ERROR = {'accelerometer': 10.0, 'gyroscope': 2.0, 'magnetometer': 1e-3}
 """Largest error of one effect within its range of temperature [m/s², rad/s, T]: gravity itself,
 115 °/s where zero-rate levels are ±30 °/s, twenty times Earth's field."""
-LARGEST_STD = 1e3
-"""Standard deviation of an error, in units of the largest one, above which nothing is known."""
-TEMPERATURES = POSSIBLE['temperature']
+LARGEST_STD_RATIO = 1e3
+"""Standard deviation of an error, over the largest one, above which it is unknown."""
+DIE_TEMPERATURES_C = POSSIBLE['temperature']
 """Temperatures a die can have [°C]."""
-HOURS = 6.0
-ROWS = 121
+CYCLE_HOURS, CYCLE_ROWS = 6.0, 121
+"""Length and rows of a typical cycle."""
 
 
 def typical_conditions(
     low: float, high: float, reference_temperature: float, sensor: Sensor
 ) -> Conditions:
     """Return a slow cycle low → high → low [°C] in which every channel is present."""
-    time = np.linspace(0.0, HOURS * 3600.0, ROWS)
-    temperature = high - (high - low) * np.abs(np.linspace(-1.0, 1.0, ROWS))
-    switch = (np.arange(ROWS) % 2).astype(float)
+    time = np.linspace(0.0, CYCLE_HOURS * 3600.0, CYCLE_ROWS)
+    temperature = high - (high - low) * np.abs(np.linspace(-1.0, 1.0, CYCLE_ROWS))
+    switch = (np.arange(CYCLE_ROWS) % 2).astype(float)
     channels: dict[str, Any] = dict.fromkeys(CHANNELS, switch)
     channels |= {
         'chamber_temperature': temperature + 2.0,
@@ -38,16 +38,16 @@ def typical_conditions(
         'setpoint': temperature,
         'supply_voltage': 3.3 + 0.1 * switch,
         'pressure': 101_325.0 + 1e3 * switch,
-        'vibration': np.full((ROWS, 3), 0.1),
-        'phase': np.full(ROWS, 3, dtype=np.int64),
-        'cycle': np.ones(ROWS, dtype=np.int64),
+        'vibration': np.full((CYCLE_ROWS, 3), 0.1),
+        'phase': np.full(CYCLE_ROWS, 3, dtype=np.int64),
+        'cycle': np.ones(CYCLE_ROWS, dtype=np.int64),
     }
     return Conditions(
         time=time,
         temperature=temperature,
-        specific_force=np.full((ROWS, 3), STANDARD_GRAVITY),
-        angular_velocity=np.ones((ROWS, 3)),
-        magnetic_field=np.full((ROWS, 3), 5e-5),
+        specific_force=np.full((CYCLE_ROWS, 3), STANDARD_GRAVITY),
+        angular_velocity=np.ones((CYCLE_ROWS, 3)),
+        magnetic_field=np.full((CYCLE_ROWS, 3), 5e-5),
         sensor=sensor,
         reference_temperature=reference_temperature,
         orientation=np.eye(3),
@@ -57,7 +57,7 @@ def typical_conditions(
 
 def outside_temperatures(*values: float) -> str:
     """Return what is wrong with temperatures [°C] of a die, '' where nothing is."""
-    low, high = TEMPERATURES
+    low, high = DIE_TEMPERATURES_C
     wrong = [value for value in values if not low <= value <= high]
     return f'is {wrong[0]:g} °C, possible is {low:g} … {high:g} °C' if wrong else ''
 
@@ -81,7 +81,7 @@ def impossible_terms(
         if not error <= limit:
             reason = f'{effect.name} would make an error of {error:.3g} {unit} within the range'
             yield number, 'coefficients', f'{reason}, possible is up to {limit:g} {unit}'
-        elif not doubt <= LARGEST_STD * limit:
+        elif not doubt <= LARGEST_STD_RATIO * limit:
             reason = f'the error of {effect.name} would be uncertain by {doubt:.3g} {unit}'
             yield number, 'covariance', reason
 

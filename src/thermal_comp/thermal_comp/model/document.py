@@ -68,7 +68,7 @@ class Field:
         return self.value
 
     def only(self, *names: str) -> None:
-        """Refuse an entry of another name: what nobody reads was meant to be read."""
+        """Refuse an entry of another name: a misspelt field would be ignored."""
         unknown = [key for key in self.mapping() if key not in names]
         if unknown:
             entry = Field(None, f'{self.name}.{unknown[0]}' if self.name else str(unknown[0]))
@@ -353,7 +353,13 @@ def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
     still = entry['still_vibration']['value'].number()
     if (density < 0.0).any() or still < 0.0:
         raise entry['per_vibration'].refuse('or still_vibration is a negative variance')
-    return NoiseModel(white, times, amplitudes, density, still)
+    return NoiseModel(
+        white=white,
+        time_constants=times,
+        amplitudes=amplitudes,
+        per_vibration=density,
+        still_vibration=still,
+    )
 
 
 def _range(entry: Field) -> tuple[float, float]:

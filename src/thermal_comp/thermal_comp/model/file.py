@@ -18,8 +18,6 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model.document import Field, model_from_document
 from thermal_comp.model.values import ModelError, ThermalModel
 
-__all__ = ['check_device', 'load_model', 'model_label', 'save_model']
-
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
     """Write the model as YAML; reading it back gives the same numbers, bit for bit.
@@ -86,7 +84,7 @@ def load_model(
 def check_device(model: ThermalModel | None, device: str) -> None:
     """Refuse a recording of another device; one whose device is not named passes.
 
-    Boards tell their names in capitals, files seldom do: that is no difference.
+    Case is ignored: boards have their names in capitals, files seldom do.
     """
     if model is None:
         return
@@ -99,7 +97,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
 
 
 def _parsed(text: str) -> Any:
-    """Return the document; refuse a key that stands twice, of which YAML takes the last."""
+    """Return the document; refuse a key that occurs twice, of which YAML takes the last."""
     refuse_deep_yaml(text)
     loader = _Loader(text)
     try:

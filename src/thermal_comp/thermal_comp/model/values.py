@@ -28,13 +28,14 @@ class ModelError(UserError):
 
 
 VIBRATION_UNIT = '(m/s²)²'
+"""Unit of vibration, the variance of acceleration."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
     """White noise plus Ornstein-Uhlenbeck processes of fixed correlation times, per axis.
 
-    Their sum approximates flicker noise (bias instability); see the noise fit for its estimation.
+    The sum of the processes approximates flicker noise (bias instability).
     """
 
     white: FloatArray
@@ -101,10 +102,10 @@ class SensorModel:
     shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Standard deviations of the fitted shape parameters, by `effect.parameter` …"""
     shape_form_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """… and the part of them that comes of what the effect's equation lacks, where it is known."""
+    """… and the part of them that is due to an equation only nearly right, where it is known."""
     contributions: Mapping[str, FloatArray] = field(default_factory=dict)
-    """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: how
-    much is left in the data where an effect cannot be applied."""
+    """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: so much
+    stays in data where an effect cannot be applied."""
     temperature_range: tuple[float, float] = (-np.inf, np.inf)
     """Die temperatures the fit has seen [°C]; outside them the error is extrapolated."""
 
@@ -222,7 +223,7 @@ class ThermalModel(Presented):
 def fitted_shapes(model: ThermalModel) -> list[dict[str, Any]]:
     """Return sensor, effect, parameter, value, std and unit of each; several values are lists.
 
-    What is part of the form and not fitted is left out.
+    Parameters that are part of the form are left out.
     """
     rows: list[dict[str, Any]] = []
     for sensor, part in model.sensors.items():

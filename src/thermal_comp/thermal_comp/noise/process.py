@@ -134,7 +134,7 @@ def project_spectra(
 
     The expectation is exact: E|F M W y|² = diag(F M W S W M F*), M = D − Q Qᵀ, D the rows present,
     W their weights, so that neither leakage nor the power the model absorbs biases the noise.
-    There are as many frequencies as slots, but they tell no more than the rows that are present.
+    There are as many frequencies as slots; the weights count the rows that are present.
     """
     length, rows = int(slot[-1]) + 1, len(slot)
     weights = np.ones(rows) if shaking is None else shaking.weights

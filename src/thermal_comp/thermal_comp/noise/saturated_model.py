@@ -32,7 +32,7 @@ WEAKEST_DIRECTION = 1e-5
 """Length, among columns of length one, below which a direction is only the thermometer's noise
 between two of them, and would take noise out of the residual for no effect."""
 
-LARGEST_SHARE = 0.4
+LARGEST_COLUMN_SHARE = 0.4
 """Columns the model may have, as a share of the effective blocks."""
 
 
@@ -44,7 +44,7 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     time, and a lag.
     """
     columns = [*_repeatable(run), *_slow(run)]
-    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * _effective_blocks(run):
+    if sum(part.shape[1] for part in columns) > LARGEST_COLUMN_SHARE * _effective_blocks(run):
         columns = _few(run)
     return joined_basis(columns)
 

@@ -20,6 +20,7 @@ COLUMNS = {
     'held_out_rms': 'held out',
     'noise_floor': 'floor',
 }
+"""Columns of the table: key of an error and its heading."""
 
 
 def comparison_text(found: Mapping[str, Any]) -> str:

@@ -15,7 +15,6 @@ from thermal_comp.presentation.notebook import html_table
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
-
 VERDICTS = {
     'complete': 'nothing is missing',
     'changed': 'the device is no longer what its model says',
@@ -26,6 +25,25 @@ VERDICTS = {
     'noise_above_reference': 'nothing is missing, but the noise is higher than the reference',
     'data_quality': 'the data have defects; they were left out of what follows',
 }
+"""Verdicts in words."""
+TOPICS = topics_to_log()
+"""Topic to log, by the channel that is missing."""
+DEFECTS = {
+    'saturation': 'choose a wider full scale or remove the magnet',
+    'stuck_value': 'check bus and driver',
+    'spikes': 'check bus and cable',
+    'startup_transient': 'nothing: the first rows are cut',
+    'orientation_flip': 'split the recording where the device was turned',
+    'unit_mismatch': 'convert to SI units before',
+    'impossible_statistic': 'check what was logged',
+    'thermometer_missing': 'find out why the driver sends no temperature there',
+    'thermometer_constant': 'check that the driver reads the thermometer',
+    'thermometer_whole_degrees': 'let the driver send the fractions of a degree',
+    'thermometer_copied': 'log the temperature of the die itself',
+    'thermometer_scale': 'check the counts per kelvin, or the unit, of the thermometer',
+    'coarse_clock': 'stamp samples with a clock of microseconds',
+}
+"""What to do about each defect of the data."""
 
 
 def diagnosis_text(content: Mapping[str, Any]) -> str:
@@ -71,7 +89,7 @@ def verdict_line(content: Mapping[str, Any]) -> str:
 
 
 def doubtful_sensors(content: Mapping[str, Any]) -> dict[str, float]:
-    """Return sensors that probably lack something, too little to say so: name → probability."""
+    """Return sensors called complete that probably lack something: name → probability of that."""
     nothing = {s: 0.0 for s, state in content['sensors'].items() if state['verdict'] == 'complete'}
     explained = {e['sensor'] for e in content['explanations']}
     for one in content['explanations']:
@@ -118,7 +136,7 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
 
 
 def _range_found(sensor: str, state: Mapping[str, Any]) -> str:
-    """Return the effects most and least easily found, rms."""
+    """Return the effects that are found most and least easily, with the rms each needs."""
     unit = DISPLAY_UNITS[sensor]
     by_size = sorted(state['smallest_found'].items(), key=lambda item: item[1])
     ends = ' … '.join(
@@ -160,7 +178,7 @@ def explanation_name(explanation: Mapping[str, Any]) -> str:
 
 
 def undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return what cannot be decided; pairs that have their reason in common stand together."""
+    """Return the pairs of effects that cannot be decided between, grouped by reason."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for pair in undecided:
         groups.setdefault((pair['reason'], pair['action']), []).append(pair)
@@ -177,7 +195,7 @@ def undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _greyed_lines(greyed: Mapping[str, str]) -> list[str]:
-    """Effects that were not tried for the same reason stand together."""
+    """Return the effects that were not tried, grouped by reason."""
     reasons: dict[str, list[str]] = {}
     for effect, reason in greyed.items():
         reasons.setdefault(reason, []).append(effect)
@@ -220,7 +238,7 @@ def _number(value: Any) -> str:
 
 
 def _times(value: float | None, factor: float) -> float | None:
-    """Return a product; an error that could not be held out stays unknown."""
+    """Return a product; None where the error could not be held out."""
     return None if value is None else value * factor
 
 
@@ -230,25 +248,6 @@ def _place(where: Mapping[str, Any]) -> str:
         return f'{where["phase"]} {where["cycle"]} {ratio}'
     parts = [f'{key} {value}' for key, value in where.items() if key not in {'ratio', 'rms'}]
     return f'{", ".join(parts)} {ratio}'
-
-
-TOPICS = topics_to_log()
-"""Topic to log where a channel is missing."""
-DEFECTS = {
-    'saturation': 'choose a wider full scale or remove the magnet',
-    'stuck_value': 'check bus and driver',
-    'spikes': 'check bus and cable',
-    'startup_transient': 'nothing: the first rows are cut',
-    'orientation_flip': 'split the recording where the device was turned',
-    'unit_mismatch': 'convert to SI units before',
-    'impossible_statistic': 'check what was logged',
-    'thermometer_missing': 'find out why the driver sends no temperature there',
-    'thermometer_constant': 'check that the driver reads the thermometer',
-    'thermometer_whole_degrees': 'let the driver send the fractions of a degree',
-    'thermometer_copied': 'log the temperature of the die itself',
-    'thermometer_scale': 'check the counts per kelvin, or the unit, of the thermometer',
-    'coarse_clock': 'stamp samples with a clock of microseconds',
-}
 
 
 def advice(content: Mapping[str, Any]) -> list[str]:

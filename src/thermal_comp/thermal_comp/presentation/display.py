@@ -18,6 +18,7 @@ from imu_recording.recording import SENSOR_UNITS, FloatArray
 from thermal_comp.data.conditions import TABLE_ORDER
 
 SENSORS = TABLE_ORDER
+"""Order in which sensors are shown."""
 
 
 @dataclass(frozen=True)

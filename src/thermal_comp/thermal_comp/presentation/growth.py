@@ -14,16 +14,16 @@ from thermal_comp.presentation.notebook import html_table
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
+ERROR_KEYS = ('error_before', 'error_after', 'noise_floor')
+"""Errors of a step, in the dictionary of a growth."""
+
 
 def growth_text(content: Mapping[str, Any]) -> str:
     """Return the steps and the comparison after them as lines."""
     lines = []
     for step in content['steps']:
         unit = DISPLAY_UNITS[step['sensor'].split('+')[0]]
-        before, after, floor = (
-            shown(step[key] * unit.factor)
-            for key in ('error_before', 'error_after', 'noise_floor')
-        )
+        before, after, floor = (shown(step[key] * unit.factor) for key in ERROR_KEYS)
         rivals = step['ambiguous_with']
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
         added = f'{step["added"]}, cause undecided,' if step['empirical'] else step['added']
@@ -31,7 +31,7 @@ def growth_text(content: Mapping[str, Any]) -> str:
             f'added {added} to the {step["sensor"]}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
-            f'{_doubt_about_gain(step)}'
+            f'{_doubt_about_fall(step)}'
         )
     if not content['steps']:
         lines.append('nothing was added')
@@ -42,8 +42,8 @@ def growth_text(content: Mapping[str, Any]) -> str:
     return '\n'.join(lines)
 
 
-def _doubt_about_gain(step: Mapping[str, Any]) -> str:
-    """Return why the gain on held-out parts may be none; '' where it is beyond chance."""
+def _doubt_about_fall(step: Mapping[str, Any]) -> str:
+    """Return that the held-out error may not have fallen; '' where its fall is beyond chance."""
     if step['lowered']:
         return ''
     if step['error_after'] >= step['error_before']:
@@ -72,7 +72,7 @@ def table(content: Mapping[str, Any]) -> str:
     rows = []
     for step in content['steps']:
         unit = DISPLAY_UNITS[step['sensor'].split('+')[0]]
-        values = [shown(step[key] * unit.factor) for key in _ERRORS]
+        values = [shown(step[key] * unit.factor) for key in ERROR_KEYS]
         rivals = ', '.join(step['ambiguous_with'])
         rows.append([step['added'], step['sensor'], *values, unit.unit, rivals])
     notes = [*shape_lines(content['parameters']), *dict.fromkeys(content['undetermined'])]
@@ -105,6 +105,3 @@ def picture(growth: Any) -> Picture:
     if not steps:
         panels[0].set_title('nothing was added')
     return figure
-
-
-_ERRORS = ('error_before', 'error_after', 'noise_floor')

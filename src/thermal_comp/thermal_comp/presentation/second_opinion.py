@@ -21,7 +21,7 @@ def opinion_picture(
 ) -> Picture:
     """Return a panel for each IMU and sensor: block means as dots, the curve as a line.
 
-    The shaded band is what cooling may leave, half of it to either side of the curve's mean.
+    The shaded band is as wide to either side as the error that cooling may leave at most.
     `units`: factor from SI and unit of each sensor.
     """
     from thermal_comp.presentation.picture import new_picture

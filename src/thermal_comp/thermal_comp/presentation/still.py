@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves from still minutes as JSON content, as text and as a picture."""
+"""Curves from stretches at rest as JSON content, as text and as a picture."""
 
 from __future__ import annotations
 
@@ -12,25 +12,31 @@ from imu_recording.recording import SENSOR_UNITS
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.presentation.comparison import AXES
-from thermal_comp.presentation.display import fixed, shown
+from thermal_comp.presentation.display import (
+    DISPLAY_UNITS,
+    SMALL_UNITS,
+    DisplayUnit,
+    fixed,
+    shown,
+)
 from thermal_comp.still.curves import StillCurves
 from thermal_comp.still.log import RestingLog
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
-EVERY_K = 5.0
-"""Distance of the temperatures of the table [K]."""
+TABLE_STEP_K = 5.0
+"""Step of the temperatures in the table [K]."""
 BAND_SIGMA = 1.96
 """Half-width of a 95 % band in standard deviations."""
-SEEN_SIGMA = 2.0
-"""Standard deviations from which ageing is seen."""
+LEAST_AGEING_SIGMA = 2.0
+"""Standard deviations from which ageing is named."""
 DAYS_PER_YEAR = 365.25
-DISPLAY: dict[Sensor, tuple[float, str]] = {
-    'accelerometer': (1e3, 'mm/s²'),
-    'gyroscope': (180.0 / np.pi, '°/s'),
+CURVE_UNITS: dict[Sensor, DisplayUnit] = {
+    'accelerometer': SMALL_UNITS['accelerometer'],
+    'gyroscope': DISPLAY_UNITS['gyroscope'],
 }
-"""Factor from SI and unit of the text."""
+"""Units of the text and of the picture."""
 
 
 def rest_content(logs: Sequence[RestingLog]) -> list[dict[str, Any]]:
@@ -96,9 +102,11 @@ def _sensor_content(curves: StillCurves, sensor: Sensor, grid: np.ndarray) -> di
 
 
 def _grid(curves: StillCurves) -> np.ndarray:
-    """Return every fifth degree within the range, and its ends."""
+    """Return the temperatures of the table within the range, and its ends."""
     low, high = float(curves.temperature[0]), float(curves.temperature[-1])
-    inner = np.arange(np.ceil(low / EVERY_K), np.floor(high / EVERY_K) + 0.5) * EVERY_K
+    inner = (
+        np.arange(np.ceil(low / TABLE_STEP_K), np.floor(high / TABLE_STEP_K) + 0.5) * TABLE_STEP_K
+    )
     return np.unique(np.concatenate([[low], inner, [high]]))
 
 
@@ -117,7 +125,7 @@ def _date(seconds: float | None) -> str | None:
 
 
 def rest_text(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a line for each log: how long it is, rests, at which temperatures."""
+    """Return a line for each log: its length, time at rest, and temperatures there."""
     dated = any(row['started'] for row in rows)
     head = f'{"started":<12}' if dated else ''
     lines = [f'{"log":<28}{head}{"min":>8}{"at rest":>9}{"runs":>6}   die']
@@ -135,21 +143,21 @@ def rest_text(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def curves_text(content: Mapping[str, Any]) -> list[str]:
-    """Return the curves with their bands, what is not known, and what they are worth."""
+    """Return the curves with their bands, held-out errors, levels and gaps, as lines."""
     lines: list[str] = []
     minutes = {row['temperature']: row['minutes'] for row in content['visited']}
     for sensor, part in content['sensors'].items():
-        factor, unit = DISPLAY[sensor]
+        factor, unit = CURVE_UNITS[sensor].factor, CURVE_UNITS[sensor].unit
         lines += ['', f'{sensor} [{unit}], change since {content["base_temperature"]:g} °C, ±95 %']
         lines.append(f'{"°C":>8}{"min":>7}' + ''.join(f'{axis:>20}' for axis in 'xyz'))
         table = zip(part['temperature'], part['curve'], part['band_95'], strict=True)
         for t, value, band in table:
-            near = sum(m for at, m in minutes.items() if abs(at - t) <= 0.5 * EVERY_K)
+            near = sum(m for at, m in minutes.items() if abs(at - t) <= 0.5 * TABLE_STEP_K)
             pairs = zip(factor * value, factor * band, strict=True)
             cells = ''.join(f'{_with_band(v, b):>20}' for v, b in pairs)
             lines.append(f'{t:>8g}{near:>7.1f}{cells}')
-        lines.append(_worth(part, factor, unit))
-        lines.append(_levels(part, factor, unit))
+        lines.append(_held_out_line(part, factor, unit))
+        lines.append(_levels_line(part, factor, unit))
     gaps = [f'{a:g} … {b:g}' if b > a else f'{a:g}' for a, b in content['not_visited']]
     if gaps:
         lines += [
@@ -161,13 +169,15 @@ def curves_text(content: Mapping[str, Any]) -> list[str]:
 
 
 def _with_band(value: float, band: float) -> str:
+    """Return a value and its band with as many decimals as the band has meaning."""
     if not band > 0.0:
         return '0'
     decimals = int(np.clip(1 - np.floor(np.log10(max(band, 1e-9))), 0, 6))
     return f'{fixed(value, decimals)} ± {fixed(band, decimals)}'
 
 
-def _worth(part: Mapping[str, Any], factor: float, unit: str) -> str:
+def _held_out_line(part: Mapping[str, Any], factor: float, unit: str) -> str:
+    """Return the error on held-out logs before and after as a line."""
     raw, held = (
         factor * float(np.sqrt(np.mean(part[k] ** 2))) for k in ('raw_rms', 'held_out_rms')
     )
@@ -180,7 +190,8 @@ def _worth(part: Mapping[str, Any], factor: float, unit: str) -> str:
     )
 
 
-def _levels(part: Mapping[str, Any], factor: float, unit: str) -> str:
+def _levels_line(part: Mapping[str, Any], factor: float, unit: str) -> str:
+    """Return how levels change by power-on and age, as a line."""
     if len(part['level_of_logs']) < 2:
         return 'one log: what a power-on changes is not known, nor ageing'
     turn = ', '.join(shown(factor * float(v), 2) for v in part['turn_on_std'])
@@ -191,7 +202,7 @@ def _levels(part: Mapping[str, Any], factor: float, unit: str) -> str:
     seen = [
         f'{axis} {_with_band(factor * a, BAND_SIGMA * factor * s)}'
         for axis, a, s in zip('xyz', ageing, std, strict=True)
-        if abs(a) > SEEN_SIGMA * s
+        if abs(a) > LEAST_AGEING_SIGMA * s
     ]
     if seen:
         return f'{text}; it ages by {", ".join(seen)} {unit} a year'
@@ -207,7 +218,7 @@ def still_picture(curves: StillCurves) -> Picture:
     figure.set_facecolor('white')
     course = np.linspace(curves.temperature[0], curves.temperature[-1], 200)
     for panel, sensor in zip(panels, curves.sensors, strict=False):
-        factor, unit = DISPLAY[sensor]
+        factor, unit = CURVE_UNITS[sensor].factor, CURVE_UNITS[sensor].unit
         value, std = curves.curve(sensor, course)
         for axis, (label, colour) in enumerate(AXES.items()):
             line, reach = factor * value[:, axis], BAND_SIGMA * factor * std[:, axis]

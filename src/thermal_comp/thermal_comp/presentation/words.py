@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the words mean that verbs print beside the names of effects and findings."""
+"""Meanings of the words that verbs print beside the names of effects and findings."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Temperature curves of accelerometer and gyroscope from the stretches at rest of many logs.
 
-The curve is a line, smooth bends (`empirical_term` without history) and, where the logs speak for
-it, a lag; what the levels of the stretches add says `levels.py`. The result is a thermal model
-like any other. Between the temperatures that were visited the bends are as uncertain as their
-size allows.
+The curve is a line, smooth bends (`empirical_term` without history) and, where the evidence is
+for it, a lag; `levels.py` has the equations of the stretches' levels. The result is a thermal
+model like any other. Between the temperatures that were visited the bends are as uncertain as
+their size allows.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from thermal_comp.model.values import ModelError, Provenance, ThermalModel
 from thermal_comp.still.log import PERIOD_S, RestingLog
 from thermal_comp.still.pool import YEAR_S, Pool, SensorCurve
 
-POOLED: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
-"""Sensors of which rest in an unknown pose says something."""
+CURVE_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+"""Sensors whose curves stretches at rest in unknown poses determine."""
 POSE_NOTE = (
     'accelerometer: what its scale changes with temperature is part of the curve, in the poses in '
     'which it rested'
@@ -32,11 +32,11 @@ POSE_NOTE = (
 
 @dataclass(frozen=True, eq=False)
 class StillCurves:
-    """Curves from still minutes, and what they stand on."""
+    """Curves from stretches at rest, and the logs and temperatures they come from."""
 
     model: ThermalModel
     logs: Sequence[RestingLog]
-    """Those that rest."""
+    """Logs that have a stretch at rest."""
     ages: FloatArray
     """(logs,) years before the newest; NaN where the date is not known."""
     sensors: Mapping[Sensor, SensorCurve]
@@ -45,7 +45,7 @@ class StillCurves:
     minutes: FloatArray
     """(b,) time at rest within half a degree of each [min]."""
     odd: Sequence[str]
-    """Stretches that were left out for a level that the others do not lead to expect."""
+    """Stretches that were left out, as their level is odd."""
 
     @property
     def base(self) -> float:
@@ -86,8 +86,8 @@ def still_curves(logs: Sequence[RestingLog]) -> StillCurves:
     check_temperature(runs)
     span = float(temperatures.min()), float(temperatures.max())
     known, notes = usable_sensors(runs)
-    sensors = [sensor for sensor in POOLED if sensor in known]
-    if len(sensors) < len(POOLED):
+    sensors = [sensor for sensor in CURVE_SENSORS if sensor in known]
+    if len(sensors) < len(CURVE_SENSORS):
         raise ModelError('; '.join(notes))
     ages = _ages(resting)
     pools = {sensor: Pool(runs, of_log, ages, sensor, span) for sensor in sensors}
@@ -107,8 +107,16 @@ def still_curves(logs: Sequence[RestingLog]) -> StillCurves:
     rows = np.round(temperatures - degrees[0]).astype(int).clip(0, len(degrees) - 1)
     blocks = np.bincount(rows, minlength=len(degrees)).astype(np.float64)
     minutes = blocks * (PERIOD_S / 60.0)
-    told = {sensor: pool.told() for sensor, pool in pools.items()}
-    return StillCurves(model, resting, ages, told, degrees, minutes, odd)
+    found = {sensor: pool.sensor_curve() for sensor, pool in pools.items()}
+    return StillCurves(
+        model=model,
+        logs=resting,
+        ages=ages,
+        sensors=found,
+        temperature=degrees,
+        minutes=minutes,
+        odd=odd,
+    )
 
 
 def _ages(logs: Sequence[RestingLog]) -> FloatArray:

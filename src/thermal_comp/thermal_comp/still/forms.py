@@ -14,23 +14,24 @@ from thermal_comp.effects.effect import Effect, State
 from thermal_comp.effects.empirical_term import DEGREES, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 
-LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
-"""Lags that are tried [s]: package to enclosure …"""
-FINE_LAG_RATIO = 2.0**0.25
-"""… and in these steps about the likeliest."""
+COARSE_LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
+"""Lags that are tried: package to enclosure …"""
+FINE_LAG_STEP = 2.0**0.25
+"""… and ratio of the finer ones that are tried about the likeliest."""
 CURVE_SIZE = 1 + len(DEGREES)
 """Coefficients of an axis: the line and the polynomials of `empirical_term`; a lag comes last."""
 LAG_SIZE = 3
-"""Coefficients of an axis for a lag: its own, and two of what it counts more where it is steep."""
+"""Coefficients of an axis for a lag: its own, and two of what it is larger by on a steep curve."""
 
 
 @dataclass(frozen=True)
-class Form:
+class CurveForm:
     """How the error depends on temperature: a curve, and which lag there is."""
 
     lag: ThermalLag | None = None
     tied: bool = False
-    """The element sits on the same curve, at its own temperature; else the lag is beside it."""
+    """Whether the element follows the same curve at its own, lagging temperature; else the lag is
+    a term beside the curve."""
 
     def effects(self, line: BiasTemperature, bends: Empirical) -> tuple[Effect, ...]:
         """Return the effects that are fitted, line and bends first."""
@@ -42,20 +43,20 @@ class Form:
 
     @property
     def coefficients(self) -> int:
-        """Return how many an axis has."""
+        """Number of coefficients of an axis."""
         return CURVE_SIZE if self.lag is None or self.tied else CURVE_SIZE + LAG_SIZE
 
 
-def near(best: Form) -> list[Form]:
+def forms_near(best: CurveForm) -> list[CurveForm]:
     """Return forms with lags about the likeliest one."""
-    seconds = (best.lag or LAGS[0]).time_constant * FINE_LAG_RATIO ** np.arange(-3.0, 4.0)
-    lags = [ThermalLag(float(s)) for s in seconds if s >= LAGS[0].time_constant]
-    return [Form(lag, tied) for lag in lags for tied in (False, True)]
+    seconds = (best.lag or COARSE_LAGS[0]).time_constant * FINE_LAG_STEP ** np.arange(-3.0, 4.0)
+    lags = [ThermalLag(float(s)) for s in seconds if s >= COARSE_LAGS[0].time_constant]
+    return [CurveForm(lag, tied) for lag in lags for tied in (False, True)]
 
 
 @dataclass(frozen=True)
 class _Behind(Effect):
-    """An effect of the temperature at that of an element which lags behind the thermometer."""
+    """An effect of the temperature of an element that lags behind the thermometer."""
 
     effect: Effect = field(default_factory=BiasTemperature)
     lag: ThermalLag = field(default_factory=ThermalLag)
@@ -72,7 +73,7 @@ class _Behind(Effect):
 
 @dataclass(frozen=True)
 class _SteeperLag(Effect):
-    """A lag that counts more where the curve is steeper: beside a lag, and never in a model.
+    """A lag that is larger where the curve is steeper: it stands beside a lag, never in a model.
 
     error = (b · x + c · x²) (T_lag − T),  x as of the bends: to first order, an element that
     follows its own temperature on a curve of any form.

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curve and levels together: what the level of a stretch says of the curve, and what it hides.
+"""Curve and levels of stretches at rest, solved together.
 
 The level ℓ of a stretch (its mean output at the reference temperature) is not free, as in a run
-of a chamber campaign, but what is common to all logs, what every power-on changes, and what the
-pose adds:
+of a chamber campaign, but the sum of a part common to all logs, a change u by every power-on, and
+a part v of the pose:
 
     U ℓ − t = H γ + u_log + v_stretch,   u ~ N(0, σ_u² R),  v ~ N(0, σ_v² + floor)
 
 For a gyroscope U is the identity, t zero, γ the device's zero-rate level, and the floor Earth's
-rate in an unknown direction. Of an accelerometer in an unknown pose only the norm says anything:
-U is the direction of gravity û in each stretch and t gravity itself, so that across it a stretch
-shows its change with temperature and no more. û is the direction of what was measured less what is
-known of the error: an error e across gravity lengthens the mean by e²/2g, as it changes over
-temperature by many mm/s² (`pool.py`). The slope over temperature of a single stretch
-may differ from the curve's by N(0, σ_s²): whatever else warms up with it. σ_u, σ_v, σ_s and the
-size of the curve's bends are those of the largest marginal likelihood over γ and the coefficients
+rate in an unknown direction. Of an accelerometer in an unknown pose only the norm is known: U is
+the direction of gravity û in each stretch and t gravity itself, so that across it a stretch shows
+only its change with temperature. û is the direction of the measurement less the known error: an
+error e across gravity lengthens the mean by e²/2g, which changes over temperature by many mm/s²
+(`pool.py`). The slope over temperature of a single stretch may differ from the curve's by
+N(0, σ_s²), as other parts warm up with it. σ_u, σ_v, σ_s and the size of the curve's bends are
+those of the largest marginal likelihood over γ and the coefficients
 (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971; the bends as Rasmussen
 and Williams, Gaussian Processes for Machine Learning, 2006, ch. 2.7).
 """
@@ -22,6 +22,7 @@ and Williams, Gaussian Processes for Machine Learning, 2006, ch. 2.7).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -32,14 +33,14 @@ from scipy.optimize import minimize
 LOG_SIGMA_STD = 2.0
 """Standard deviation of ln σ about its usual value before the logs are seen."""
 LEAST_PRECISION = 1e-12
-"""Precision that makes a factorisation possible and decides nothing."""
+"""Relative precision that is added for a factorisation, too small to change the solution."""
 LARGEST_LOG_SIGMA = 14.0
-"""|ln σ| beyond which the search does not go, about its usual value."""
+"""Greatest |ln σ| of the search, about its usual value."""
 
 
 @dataclass(frozen=True, eq=False)
 class LevelEquations:
-    """Normal equations of stretches and what is known of their levels; l levels, p coefficients.
+    """Normal equations of stretches, and equations of their levels; l levels, p coefficients.
 
     Unknowns are the levels, then the coefficients.
     """
@@ -49,7 +50,7 @@ class LevelEquations:
     moment: FloatArray
     """(l + p,)."""
     seen: FloatArray
-    """(k, l) U: what is known of is this times the levels."""
+    """(k, l) U."""
     target: FloatArray
     """(k,) t [unit]."""
     common: FloatArray
@@ -57,15 +58,15 @@ class LevelEquations:
     common_std: FloatArray
     """(q,) prior standard deviation of γ; infinite for none."""
     same_log: FloatArray
-    """(k, k) R: correlation of what a power-on changes."""
+    """(k, k) R: correlation of the changes by power-on."""
     floor: FloatArray
-    """(k,) variance that each level has at least [unit²]."""
+    """(k,) least variance of each level [unit²]."""
     fixed: FloatArray
     """(p,) prior standard deviation of each coefficient; infinite for none …"""
     bending: FloatArray
     """(p,) … of those that are bends, for bends of size 1 …"""
     slopes: NDArray[np.bool_]
-    """(p,) … and whether one is what the slope of a single stretch has beside the curve's."""
+    """(p,) … and whether one is the slope of a single stretch about the curve's."""
     usual: FloatArray
     """(4,) usual σ_u, σ_v, size of the bends [unit], and σ of the slopes [unit/K]."""
 
@@ -81,7 +82,7 @@ class LevelSolution:
     log_evidence: float
     """ln of the marginal likelihood and of the variances' prior, up to a constant of the rows."""
     apart: FloatArray
-    """(k,) how far each level is from what the others say, in standard deviations of that."""
+    """(k,) distance of each level from its prediction by the others, in standard deviations."""
 
 
 def solve_levels(equations: LevelEquations, sigma: FloatArray | None = None) -> LevelSolution:
@@ -89,7 +90,7 @@ def solve_levels(equations: LevelEquations, sigma: FloatArray | None = None) -> 
     if sigma is None:
         start = np.zeros(4)
         found = minimize(
-            lambda x: -_log_posterior(equations, x),
+            partial(_minus_log_posterior, equations),
             start,
             method='Nelder-Mead',
             options={'xatol': 0.1, 'fatol': 0.05, 'initial_simplex': _simplex()},
@@ -100,12 +101,21 @@ def solve_levels(equations: LevelEquations, sigma: FloatArray | None = None) -> 
     root = cholesky(precision * np.outer(size, size), lower=True)
     covariance = size[:, None] * cho_solve((root, True), np.eye(len(size))) * size
     estimate = covariance @ moment
-    evidence = _log_posterior(equations, np.log(sigma / equations.usual))
-    apart = _apart(equations, sigma, estimate)
-    return LevelSolution(estimate, covariance, sigma, evidence, apart)
+    return LevelSolution(
+        estimate=estimate,
+        covariance=covariance,
+        sigma=sigma,
+        log_evidence=_log_posterior(equations, np.log(sigma / equations.usual)),
+        apart=_apart(equations, sigma, estimate),
+    )
+
+
+def _minus_log_posterior(equations: LevelEquations, x: FloatArray) -> float:
+    return -_log_posterior(equations, x)
 
 
 def _simplex() -> FloatArray:
+    """Return (5, 4) first points of the search for ln σ."""
     return np.concatenate([np.zeros((1, 4)), 1.5 * np.eye(4)])
 
 

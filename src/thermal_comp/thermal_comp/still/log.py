@@ -16,9 +16,9 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.still.rest import LEAST_REST_S, find_rest
 
 PERIOD_S = 2.0
-"""Length of the blocks [s]."""
+"""Length of a block [s]."""
 LEAST_BLOCKS = 6
-"""Blocks a stretch has at least."""
+"""Blocks of a stretch, at least."""
 FIRST_DATE_NS = 10**18
 """Stamps from here on (2001) are dates; smaller ones count from power-on."""
 
@@ -35,9 +35,9 @@ class RestingLog:
     rest: Sequence[tuple[float, float]]
     """Start and end of each stretch since the first sample [s]."""
     started: float | None = None
-    """Unix time of its start [s]; None where the log does not tell."""
+    """Unix time of its start [s]; None where unknown."""
     note: str = ''
-    """Why it holds no rest, or what of it was left out."""
+    """Why it has no stretch at rest, or what was left out of it."""
 
 
 def resting_log(
@@ -49,8 +49,8 @@ def resting_log(
 ) -> tuple[RestingLog, list[ImuRecording]]:
     """Return the log's stretches at rest as runs, and as recordings of their own.
 
-    A stretch is named after the log and its number: flight#1, flight#2 … What happened before it,
-    in the same log, is part of its history: a lag follows the temperature in motion too.
+    A stretch is named after the log and its number: flight#1, flight#2 … The temperature before it
+    in the log, in motion as well, is part of its history: a lag follows it.
     """
     name = name or recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'log'
     whole, jumped = longest_stretch('samples', recording.stamp)
@@ -72,7 +72,10 @@ def resting_log(
             times.append((float(ends[0]), float(ends[1])))
     seconds = float(recording.time[-1]) if len(recording) else 0.0
     notes = '; '.join(filter(None, (jumped, rest.note)))
-    return RestingLog(name, runs, seconds, times, started, notes), parts
+    log_at_rest = RestingLog(
+        name=name, runs=runs, seconds=seconds, rest=times, started=started, note=notes
+    )
+    return log_at_rest, parts
 
 
 def _stretch(log: PreparedRun, part: ImuRecording, start: float, end: float) -> PreparedRun | None:

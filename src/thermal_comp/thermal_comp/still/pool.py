@@ -20,76 +20,79 @@ from thermal_comp.linear.design import Design
 from thermal_comp.linear.gaussian_evidence import log_sum
 from thermal_comp.model.values import SensorModel
 from thermal_comp.noise.of_runs import noise_of_runs
-from thermal_comp.still.forms import CURVE_SIZE, LAGS, Form, near
+from thermal_comp.still.forms import COARSE_LAGS, CURVE_SIZE, CurveForm, forms_near
 from thermal_comp.still.levels import LevelEquations, LevelSolution, solve_levels
 
-KINDS = int(GROUPS[-1]) + 1
-"""Groups of columns of `empirical_term`; its first are the polynomials."""
-OPEN_STD = 1e6
-"""Prior standard deviation of a polynomial that decides nothing; its size is found here."""
+GROUP_COUNT = int(GROUPS[-1]) + 1
+"""Number of groups of columns of `empirical_term`; the polynomials come first."""
+FREE_STD = 1e6
+"""Prior standard deviation of a polynomial that leaves it free; its size is estimated here."""
 GRAVITY_STD = 0.015
-"""How far the gravity of a place is from the standard one [m/s²]."""
+"""Standard deviation of the gravity of a place about the standard one [m/s²]."""
 OFFSET_STD = 1.0
-"""Zero-g level of an accelerometer [m/s²]."""
-USUAL: dict[Sensor, FloatArray] = {
+"""Standard deviation of the zero-g level of an accelerometer [m/s²]."""
+USUAL_SIGMA: dict[Sensor, FloatArray] = {
     'gyroscope': np.array([7e-4, 1e-4, 1e-3, 2e-5]),
     'accelerometer': np.array([0.02, 0.005, 0.02, 2e-4]),
 }
-"""What a power-on changes, what a pose adds, the size of bends [unit], and what the slope of a
-stretch has beside the curve's [unit/K], as a rule."""
+"""Usual standard deviations of the level by power-on and by pose, of bends [unit], and of the
+slope of a stretch about the curve's [unit/K]."""
 LAG_STD: dict[Sensor, float] = {'gyroscope': 7e-4, 'accelerometer': 7e-3}
-"""Coefficient of a lag, as a rule: the slope [unit/K]."""
-STEEP_LAG_SHARE = 0.4
-"""What it counts more towards the ends of the range, in that."""
+"""Prior standard deviation of a lag's coefficient: as the slope's [unit/K]."""
+STEEPER_LAG_SHARE = 0.4
+"""The same of what a lag is larger by towards the ends of the range, as a share of it."""
 AGEING_STD: dict[Sensor, float] = {'gyroscope': 0.01, 'accelerometer': 0.5}
-"""Ageing of a level, as a rule [unit a year]."""
+"""Prior standard deviation of the ageing of a level [unit a year]."""
 YEAR_S = 365.25 * 86400.0
-LEAST_AGE_S = 86400.0
-"""Span of dates from which ageing is asked for [s]."""
+"""A year [s]."""
+LEAST_DATE_SPAN_S = 86400.0
+"""Span of dates from which ageing is estimated [s]."""
 ODD_SIGMA = 6.0
-"""Standard deviations from which a stretch is not what the others lead to expect …"""
-MOST_ODD_SHARE = 0.1
-"""… and share of the stretches that may be left out for it."""
-LAG_LOG_BAYES_FACTOR = 5.0
-"""ln of the Bayes factor from which there is a lag."""
+"""Distance of a level from what the others lead to expect, in standard deviations, from which it
+is odd …"""
+LARGEST_ODD_SHARE = 0.1
+"""… and largest share of the stretches that is left out for it."""
+LEAST_LAG_LOG_EVIDENCE = 5.0
+"""ln of the Bayes factor from which a lag is taken."""
 LEARNING_RATE = 0.1
 """Weight of the evidence between forms, none of which is exact (Grünwald and van Ommen, Bayesian
 Analysis 12(4), 2017): with 1 their spread would be too small."""
-FOLDS = 10
+HELD_OUT_GROUPS = 10
+"""Groups of logs that are held out one at a time."""
 DIRECTION_STEPS = 2
-"""Times the direction of gravity is corrected; the first leaves less than 0.1 mm/s²."""
+"""Corrections of the direction of gravity; the first leaves an error below 0.1 mm/s²."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorCurve:
-    """What many logs say of one sensor."""
+    """Levels, ageing and errors of one sensor, from many logs."""
 
     turn_on: FloatArray
     """(3,) standard deviation of the level from power-on to power-on [unit]."""
     pose: FloatArray
-    """(3,) of what a stretch's pose adds to it [unit]."""
+    """(3,) standard deviation that the pose of a stretch adds to it [unit]."""
     log_levels: FloatArray
     """(logs, 3) level of each log about that of all [unit]."""
     ageing: FloatArray
-    """(2, 3) change of the level a year and its standard deviation [unit]; NaN: not asked."""
+    """(2, 3) change of the level a year and its standard deviation [unit]; NaN where unknown."""
     raw: FloatArray
     """(3,) rms of block means about the level of their stretch: nothing subtracted [unit]."""
     held_out: FloatArray
-    """(3,) the same with what other logs say subtracted [unit]."""
+    """(3,) the same with the curve of other logs subtracted [unit]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """Solution of the axes that belong together, and the form it was found with."""
+    """Solutions, one for each group of axes that is solved together, with one form of curve."""
 
     each: Sequence[LevelSolution]
-    form: Form
+    form: CurveForm
     of_forms: FloatArray = field(default_factory=lambda: np.zeros((CURVE_SIZE, 3, CURVE_SIZE, 3)))
     """Covariance of the curve's coefficients from not knowing the form."""
 
     @property
     def log_evidence(self) -> float:
-        """Return ln of the marginal likelihood of all axes."""
+        """Ln of the marginal likelihood of all axes."""
         return sum(solution.log_evidence for solution in self.each)
 
 
@@ -109,26 +112,26 @@ class Pool:
         self._span = span
         middle, half = 0.5 * (span[0] + span[1]), max(0.5 * (span[1] - span[0]), 1.0)
         self._line = BiasTemperature()
-        self._bends = Empirical(middle, half, (OPEN_STD,) * 3 + (0.0,) * 3 * (KINDS - 1))
-        self._noise, guessed = noise_of_runs(runs, sensor, LAGS)
+        self._bends = Empirical(middle, half, (FREE_STD,) * 3 + (0.0,) * 3 * (GROUP_COUNT - 1))
+        self._noise, guessed = noise_of_runs(runs, sensor, COARSE_LAGS)
         self.notes = [guessed] if guessed else []
         curve = {sensor: (self._line, self._bends)}
         self._designs = [Design([run.smoothed], curve, {sensor: self._noise}) for run in runs]
         for design in self._designs:
-            design.equations()  # whitens what every form has
-        self._each: dict[Form, list[tuple[FloatArray, FloatArray]]] = {}
-        dated = np.isfinite(ages).all() and float(np.ptp(ages)) * YEAR_S >= LEAST_AGE_S
+            design.equations()  # whitens the columns that every form has
+        self._each: dict[CurveForm, list[tuple[FloatArray, FloatArray]]] = {}
+        dated = np.isfinite(ages).all() and float(np.ptp(ages)) * YEAR_S >= LEAST_DATE_SPAN_S
         self._age = ages[of_log] if dated else None
         self._up = np.array([_direction(run) for run in runs])
         reference = runs[0].conditions.reference_temperature
         self._middle = [float(run.temperature.mean()) - reference for run in runs]
         self._axes = [(0, 1, 2)] if sensor == 'accelerometer' else [(0,), (1,), (2,)]
         self.odd: list[str] = []
-        """Stretches whose level the others do not lead to expect: left out."""
+        """Stretches that are left out, as their level is odd."""
         self._kept: NDArray[np.bool_] = np.ones(len(runs), bool)
         self._answer = self._without_odd()
 
-    def _equations(self, form: Form) -> list[tuple[FloatArray, FloatArray]]:
+    def _equations(self, form: CurveForm) -> list[tuple[FloatArray, FloatArray]]:
         """Return gram and moment of each stretch: 3 levels, then (p, 3) coefficients."""
         if form not in self._each:
             effects = form.effects(self._line, self._bends)
@@ -138,7 +141,8 @@ class Pool:
             for base in self._designs:
                 design = base.with_effects({self._sensor: effects})
                 design.raw, design.white = dict(base.raw), dict(base.white)
-                first = design.levels  # a stretch is too short to tell what a gap left behind
+                # The decays after gaps are left out: a stretch is too short for them.
+                first = design.levels
                 further = first + 3 * width
                 own = np.r_[
                     :3,
@@ -151,9 +155,9 @@ class Pool:
         return self._each[form]
 
     def _without_odd(self) -> _Answer:
-        """Return the solution of all stretches but those that are odd, and forget those."""
+        """Return the solution without odd stretches, which are left out from then on."""
         answer = self._searched()
-        while len(self.odd) < MOST_ODD_SHARE * len(self._runs) and self._kept.sum() > 3:
+        while len(self.odd) < LARGEST_ODD_SHARE * len(self._runs) and self._kept.sum() > 3:
             apart = np.max([solution.apart for solution in answer.each], axis=0)
             if not apart.max() > ODD_SIGMA:
                 break
@@ -164,20 +168,20 @@ class Pool:
         return answer
 
     def _searched(self) -> _Answer:
-        """Return the likeliest form; the others make its curve as uncertain as they differ."""
-        none = Form()
+        """Return the solution with the likeliest form, uncertain by how much the others differ."""
+        none = CurveForm()
         for _ in range(DIRECTION_STEPS):
             self._turn_to_gravity(self._solved(self._kept, none))
         sigma = [solution.sigma for solution in self._solved(self._kept, none).each]
-        coarse = [Form(lag, tied) for lag in LAGS for tied in (False, True)]
+        coarse = [CurveForm(lag, tied) for lag in COARSE_LAGS for tied in (False, True)]
         tried = {form: self._solved(self._kept, form, sigma) for form in (none, *coarse)}
         best = max(tried, key=lambda form: tried[form].log_evidence)
-        if tried[best].log_evidence < tried[none].log_evidence + LAG_LOG_BAYES_FACTOR:
+        if tried[best].log_evidence < tried[none].log_evidence + LEAST_LAG_LOG_EVIDENCE:
             best = none
         if best.lag is not None:
             again = self._solved(self._kept, best)
             sigma = [solution.sigma for solution in again.each]
-            tried = {form: self._solved(self._kept, form, sigma) for form in near(best)}
+            tried = {form: self._solved(self._kept, form, sigma) for form in forms_near(best)}
             best = max(tried, key=lambda form: tried[form].log_evidence)
         worth = np.array([one.log_evidence for one in tried.values()])
         worth *= LEARNING_RATE
@@ -199,8 +203,9 @@ class Pool:
         self._up[rows] = (levels - error) / np.linalg.norm(levels - error, axis=1)[:, None]
 
     def _solved(
-        self, kept: NDArray[np.bool_], form: Form, sigma: Sequence[FloatArray] | None = None
+        self, kept: NDArray[np.bool_], form: CurveForm, sigma: Sequence[FloatArray] | None = None
     ) -> _Answer:
+        """Return the solution of some stretches; `sigma` keeps variances that are known."""
         rows = np.flatnonzero(kept)
         each = [
             solve_levels(self._joined(rows, axes, form), None if sigma is None else sigma[number])
@@ -208,7 +213,7 @@ class Pool:
         ]
         return _Answer(each, form)
 
-    def _joined(self, rows: IntArray, axes: tuple[int, ...], form: Form) -> LevelEquations:
+    def _joined(self, rows: IntArray, axes: tuple[int, ...], form: CurveForm) -> LevelEquations:
         """Return the equations of some stretches: levels, coefficients, slopes of stretches.
 
         The axis comes last in each.
@@ -230,7 +235,7 @@ class Pool:
             moment[place] += turned.T @ right[own]
         std = np.full(terms, np.inf)
         std[CURVE_SIZE:] = LAG_STD[self._sensor]
-        std[CURVE_SIZE + 1 :] *= STEEP_LAG_SHARE
+        std[CURVE_SIZE + 1 :] *= STEEPER_LAG_SHARE
         bending = np.full(terms, np.inf)
         bending[1:CURVE_SIZE] = 1.0
         free = np.full(n, np.inf)
@@ -247,13 +252,13 @@ class Pool:
             fixed=np.concatenate([np.repeat(std, a), free]),
             bending=np.concatenate([np.repeat(bending, a), free]),
             slopes=np.arange(p + n) >= p,
-            usual=USUAL[self._sensor],
+            usual=USUAL_SIGMA[self._sensor],
         )
 
     def _of_levels(
         self, rows: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return U, t, H, prior deviations of γ, and what poses leave alike of a power-on."""
+        """Return U, t, H, prior deviations of γ, and correlation of power-ons by pose."""
         k = len(rows)
         ageing = AGEING_STD[self._sensor]
         if len(self._axes) > 1:
@@ -272,10 +277,10 @@ class Pool:
         return seen, np.full(k, STANDARD_GRAVITY), common, std, up @ up.T
 
     def model(self) -> SensorModel:
-        """Return what was found as the model of the sensor."""
+        """Return the solution as the model of the sensor."""
         answer, rows = self._answer, np.flatnonzero(self._kept)
         levels, found, covariance = self._unpacked(answer, len(rows))
-        sizes = np.zeros((KINDS, 3))
+        sizes = np.zeros((GROUP_COUNT, 3))
         for solution, axes in zip(answer.each, self._axes, strict=True):
             sizes[0, list(axes)] = solution.sigma[2]
         bends = replace(self._bends, deviations=tuple(sizes.ravel().tolist()))
@@ -330,7 +335,7 @@ class Pool:
                 np.concatenate([run.columns(e, self._sensor) for e in form], axis=1)
                 for run in self._runs
             ])[:, :CURVE_SIZE]
-            for form in (effects, Form(lag, tied=True).effects(*effects))
+            for form in (effects, CurveForm(lag, tied=True).effects(*effects))
         )  # fmt: skip
         slope: FloatArray = behind[None] @ ((then - now) @ curve) / max(behind @ behind, 1e-300)
         return slope
@@ -341,8 +346,8 @@ class Pool:
         rms: FloatArray = (np.concatenate(columns) @ coefficients).std(axis=0)
         return rms
 
-    def told(self) -> SensorCurve:
-        """Return power-on, pose, ageing, and what the curve leaves of logs it has not seen."""
+    def sensor_curve(self) -> SensorCurve:
+        """Return the spread of levels, ageing, and errors before and after on held-out logs."""
         answer, rows = self._answer, np.flatnonzero(self._kept)
         ageing = np.full((2, 3), np.nan)
         of_logs = np.zeros((int(self._of_log.max()) + 1, 3))
@@ -352,7 +357,7 @@ class Pool:
             if self._age is not None:
                 last = slice(len(solution.estimate) - a, None)
                 deviation = np.sqrt(np.diag(solution.covariance)[last])
-                # Age counts backwards: what grows with it shrinks with time.
+                # Age counts backwards in time.
                 ageing[:, list(axes)] = -solution.estimate[last], deviation
             left = equations.seen @ solution.estimate[: equations.seen.shape[1]]
             left -= equations.target + equations.common @ solution.estimate[inside:]
@@ -362,7 +367,15 @@ class Pool:
             for axis, along in zip(axes, directions.T, strict=True):
                 np.add.at(of_logs[:, axis], self._of_log[rows], turn * along * weighed)
         sigma = np.repeat([s.sigma[:2] for s in answer.each], [len(a) for a in self._axes], 0)
-        return SensorCurve(sigma[:, 0], sigma[:, 1], of_logs, ageing, *self._held_out())
+        raw, held_out = self._held_out()
+        return SensorCurve(
+            turn_on=sigma[:, 0],
+            pose=sigma[:, 1],
+            log_levels=of_logs,
+            ageing=ageing,
+            raw=raw,
+            held_out=held_out,
+        )
 
     def _held_out(self) -> tuple[FloatArray, FloatArray]:
         """Return (3,) rms about the level of each stretch, before and after, logs held out."""
@@ -373,8 +386,8 @@ class Pool:
         form = self._answer.form
         effects = (self._line, self._bends, *(() if form.lag is None else (form.lag,)))
         before, after = [], []
-        for fold in range(min(FOLDS, len(logs))):
-            held = np.isin(self._of_log, logs[fold::FOLDS])
+        for group in range(min(HELD_OUT_GROUPS, len(logs))):
+            held = np.isin(self._of_log, logs[group::HELD_OUT_GROUPS])
             others = self._kept & ~held
             found = self._unpacked(self._solved(others, form, sigma), int(others.sum()))[1]
             for row in np.flatnonzero(self._kept & held).tolist():

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stretches at rest in a recording that moves, told by the noise of its own sensors.
+"""Stretches at rest in a recording that moves, found by the noise of its own sensors.
 
 A window rests where accelerometer and gyroscope scatter no more than their noise does (Skog et
-al., IEEE Trans. Biomed. Eng. 57(11), 2010, zero-velocity detection by both variances). How much
-that is, the quietest seconds of the recording say; where even these shake, nothing rests. Windows
-join to a stretch while neither mean changes by more than noise: a device that was put down
-elsewhere is another run. A turn at a constant rate about the vertical shows in no variance; it
-begins and ends with a step of the rate and is left out where the rate is not that of the other
-stretches.
+al., IEEE Trans. Biomed. Eng. 57(11), 2010, zero-velocity detection by both variances). The noise
+is that of the quietest seconds of the recording; where even these shake, nothing rests. Windows
+are joined to a stretch while neither mean changes by more than noise: a device that was put down
+elsewhere is another run. A turn at a constant rate about the vertical has no larger variance; it
+is left out where its rate is not that of the other stretches.
 """
 
 from __future__ import annotations
@@ -23,28 +22,28 @@ from numpy.typing import NDArray
 from thermal_comp.data.binning import bin_means, bin_variances
 from thermal_comp.data.conditions import STANDARD_GRAVITY
 
-WINDOW_S = 1.0
-"""Length of a window [s] …"""
+LEAST_WINDOW_S = 1.0
+"""Length of a window, at least [s] …"""
 LEAST_SAMPLES = 8
-"""… that holds so many samples; it is longer where they are slower."""
+"""… and samples in it: it is longer where samples are slow."""
 QUIET_WINDOWS = 9
-"""The noise is the least median over so many windows in a row."""
-NOISE_FACTOR = 1.4
-"""Scatter of a window at rest, at most, in that noise, beside what chance adds …"""
+"""Windows in a row whose median scatter, where it is least, is the noise."""
+LARGEST_SCATTER_RATIO = 1.4
+"""Largest scatter of a window at rest, over that noise, beside what chance adds …"""
 CHANCE_SIGMA = 5.0
-"""… in standard deviations of a scatter from the samples of a window."""
-MEAN_CHANGE = 6.0
-"""Change of a mean from window to window at rest, at most, in the usual one."""
+"""… in standard deviations of the scatter of a window's samples."""
+LARGEST_CHANGE_RATIO = 6.0
+"""Largest change of a mean from window to window at rest, over the usual one."""
 LARGEST_NOISE = {'gyroscope': 0.02, 'accelerometer': 0.2}
-"""Scatter above which a recording shakes throughout [rad/s, m/s²]."""
-LEAST_CHANGE = {'gyroscope': 5e-4, 'accelerometer': 5e-3}
-"""Change of a mean that is none [rad/s, m/s²]: far below the slowest motion by hand."""
+"""Noise above which a recording shakes throughout [rad/s, m/s²]."""
+LEAST_MEAN_CHANGE = {'gyroscope': 5e-4, 'accelerometer': 5e-3}
+"""Change of a mean that is allowed anyway [rad/s, m/s²]: far below the slowest motion by hand."""
 GRAVITY_TOLERANCE = 0.2
-"""Specific force at rest is gravity within this share."""
-STEADY_TURN = 0.02
-"""Mean rates of two stretches of a recording differ by less unless it turns in one [rad/s]."""
+"""Largest distance of the specific force at rest from gravity, as a share of it."""
+LARGEST_RATE_DIFFERENCE = 0.02
+"""Largest difference of the mean rates of two stretches, unless one is of a turn [rad/s]."""
 LEAST_REST_S = 20.0
-"""Shortest stretch that is worth a run [s]."""
+"""Shortest stretch that is taken as a run [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
     }
     m = max(len(edges) - 1, 0)
     if m < QUIET_WINDOWS:
-        return Rest((), np.zeros(m, bool), edges, {}, 'it is shorter than a stretch at rest')
+        return _no_rest(edges, {}, 'it is shorter than a stretch at rest')
     resting, joined = np.ones(m, bool), np.ones(m - 1, bool)
     noise, means = {}, {}
     for sensor, columns in values.items():
@@ -82,13 +81,13 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
         noise[sensor] = _noise_of(scatter, columns)
         if not np.isfinite(noise[sensor]):
             why = f'no {QUIET_WINDOWS} windows in a row have a finite {sensor} value'
-            return Rest((), np.zeros(m, bool), edges, {}, why)
+            return _no_rest(edges, {}, why)
         if noise[sensor] > LARGEST_NOISE[sensor]:
             why = f'its quietest seconds shake by {noise[sensor]:.2g} at the {sensor}'
-            return Rest((), np.zeros(m, bool), edges, noise, why)
+            return _no_rest(edges, noise, why)
         chance = CHANCE_SIGMA / np.sqrt(6.0 * np.maximum(np.diff(edges) - 1, 1))
-        resting &= scatter <= NOISE_FACTOR * noise[sensor] * (1.0 + chance)
-        joined &= _alike(means[sensor], resting, LEAST_CHANGE[sensor])
+        resting &= scatter <= LARGEST_SCATTER_RATIO * noise[sensor] * (1.0 + chance)
+        joined &= _alike(means[sensor], resting, LEAST_MEAN_CHANGE[sensor])
     norm = np.linalg.norm(means['accelerometer'], axis=1)
     resting &= np.abs(norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
     joined &= np.diff(recording.stamp[edges[:-1]]) < 2 * np.median(
@@ -96,7 +95,13 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
     )
     found = _stretches(resting, joined, recording, edges, least_s)
     found, note = _without_turns(found, recording)
-    return Rest(tuple(found), resting, edges, noise, note)
+    return Rest(stretches=tuple(found), windows=resting, edges=edges, noise=noise, note=note)
+
+
+def _no_rest(edges: IntArray, noise: dict[str, float], why: str) -> Rest:
+    """Return that nothing rests, and why."""
+    windows = np.zeros(max(len(edges) - 1, 0), bool)
+    return Rest(stretches=(), windows=windows, edges=edges, noise=noise, note=why)
 
 
 def _window_edges(recording: ImuRecording) -> IntArray:
@@ -105,7 +110,7 @@ def _window_edges(recording: ImuRecording) -> IntArray:
     if n < LEAST_SAMPLES:
         return np.zeros(0, np.int64)
     step = max(float(np.median(np.diff(recording.stamp))), 1.0)
-    length = max(round(WINDOW_S * 1e9), round(LEAST_SAMPLES * step))
+    length = max(round(LEAST_WINDOW_S * 1e9), round(LEAST_SAMPLES * step))
     place = (recording.stamp - recording.stamp[0]) // length
     starts = np.flatnonzero(np.diff(place, prepend=-1))
     return np.append(starts, n).astype(np.int64)
@@ -125,7 +130,7 @@ def _alike(means: FloatArray, resting: NDArray[np.bool_], least: float) -> NDArr
     change = np.linalg.norm(np.diff(means, axis=0), axis=1)
     both = resting[1:] & resting[:-1]
     usual = float(np.median(change[both])) if both.any() else 0.0
-    return np.asarray(change <= max(MEAN_CHANGE * usual, least))
+    return np.asarray(change <= max(LARGEST_CHANGE_RATIO * usual, least))
 
 
 def _stretches(
@@ -140,7 +145,8 @@ def _stretches(
     cuts = np.flatnonzero(~(joined & resting[1:] & resting[:-1])) + 1
     bounds = [0, *cuts.tolist(), len(resting)]
     for first, after in pairwise(bounds):
-        inner, end = first + 1, after - 1  # it has settled, and has not been taken up yet
+        # The device is put down in the first window and lifted in the last.
+        inner, end = first + 1, after - 1
         if not resting[first] or end <= inner:
             continue
         rows = slice(int(edges[inner]), int(edges[end]))
@@ -155,7 +161,7 @@ def _without_turns(found: Sequence[slice], recording: ImuRecording) -> tuple[lis
         return [], 'it never rests for long enough'
     rates = np.array([np.nanmean(recording.angular_velocity[rows], axis=0) for rows in found])
     length = np.array([rows.stop - rows.start for rows in found])
-    near = np.linalg.norm(rates[:, None] - rates[None], axis=2) < STEADY_TURN
+    near = np.linalg.norm(rates[:, None] - rates[None], axis=2) < LARGEST_RATE_DIFFERENCE
     kept = near[int(np.argmax(near @ length))]
     turning = int((~kept).sum())
     note = f'{turning} stretches at a steady turn are left out' if turning else ''

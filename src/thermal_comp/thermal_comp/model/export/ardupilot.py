@@ -19,11 +19,13 @@ from thermal_comp.model.export.px4 import shortest
 from thermal_comp.model.values import ModelError
 
 NAMES: Mapping[Sensor, str] = {'accelerometer': 'ACC', 'gyroscope': 'GYR'}
+"""Sensors in the names of parameters."""
 REFERENCE_TEMPERATURE = 35.0
 """[°C]."""
 SCALE = 1e6
-LEAST, GREATEST = -70.0, 80.0
-"""What TMIN and TMAX may be [°C]."""
+"""Parameter over coefficient."""
+LOWEST_C, HIGHEST_C = -70.0, 80.0
+"""Least TMIN and greatest TMAX [°C]."""
 
 
 def ardupilot_text(cubics: Mapping[Sensor, Cubic], instance: int, label: str) -> str:
@@ -32,8 +34,8 @@ def ardupilot_text(cubics: Mapping[Sensor, Cubic], instance: int, label: str) ->
     Both sensors share TMIN and TMAX: the range that both were fitted in.
     """
     known = {sensor: cubics[sensor] for sensor in NAMES if sensor in cubics}
-    low = max([LEAST, *(c.low for c in known.values())])
-    high = min([GREATEST, *(c.high for c in known.values())])
+    low = max([LOWEST_C, *(c.low for c in known.values())])
+    high = min([HIGHEST_C, *(c.high for c in known.values())])
     prefix = f'INS_TCAL{instance + 1}'
     lines = [
         f'# IMU temperature calibration: {label}',
@@ -69,5 +71,7 @@ def read_ardupilot(text: str, instance: int) -> dict[Sensor, Cubic]:
         except KeyError as missing:
             raise ModelError(f'{missing.args[0]}: missing') from None
         coefficients = np.vstack([np.zeros((1, 3)), powers])
-        cubics[sensor] = Cubic(coefficients, REFERENCE_TEMPERATURE, low, high)
+        cubics[sensor] = Cubic(
+            coefficients=coefficients, reference=REFERENCE_TEMPERATURE, low=low, high=high
+        )
     return cubics

@@ -18,12 +18,12 @@ from thermal_comp.model.export.ardupilot import REFERENCE_TEMPERATURE, SCALE
 from thermal_comp.model.export.cubic import ORDER, Cubic
 
 Autopilot = Literal['px4', 'ardupilot']
-PX4_MEDIAN_ROWS = 31
-PX4_BINS = 2000
+PX4_MEDIAN_ROWS, PX4_BINS = 31, 2000
+"""Rows of the running median, and bins of temperature."""
 ARDUPILOT_WINDOW_S = 2
+"""Length of the moving average [s]."""
 ARDUPILOT_DECIMALS = 9
-"""Of the scaled coefficients in its parameter file; TMIN and TMAX have one."""
-
+"""Of the scaled coefficients in the parameter file; TMIN and TMAX have one."""
 
 AutopilotFit = Callable[[FloatArray, FloatArray, FloatArray, Sensor], Cubic]
 """A script's fit, of time (n,) [s], temperature (n,) [°C], values (n, 3) [unit] and sensor."""
@@ -34,8 +34,8 @@ def px4_fit(
 ) -> Cubic:
     """Return what PX4's Tools/process_sensor_caldata.py fits.
 
-    Samples pass a running median, are averaged in 2000 bins of temperature, and the polynomial is
-    about the middle of the range; an accelerometer's is that of the distance from its median.
+    Samples pass a running median and are averaged in 2000 bins of temperature; the polynomial is
+    about the middle of the range, an accelerometer's that of the distance from its median.
     """
     low, high = float(temperature.min()), float(temperature.max())
     middle = 0.5 * (low + high)
@@ -49,7 +49,7 @@ def px4_fit(
     some = count > 0
     means = [np.bincount(place, column, PX4_BINS)[some] / count[some] for column in (x, *smooth.T)]
     powers = np.polyfit(means[0], np.stack(means[1:], axis=1), ORDER)[::-1]
-    return Cubic(powers, middle, low, high)
+    return Cubic(coefficients=powers, reference=middle, low=low, high=high)
 
 
 def ardupilot_fit(
@@ -72,7 +72,7 @@ def ardupilot_fit(
     powers[0] = 0.0
     rounded = np.round(powers * SCALE, ARDUPILOT_DECIMALS) / SCALE
     low, high = round(float(x.min()), 1), round(float(x.max()), 1)
-    return Cubic(rounded, REFERENCE_TEMPERATURE, low, high)
+    return Cubic(coefficients=rounded, reference=REFERENCE_TEMPERATURE, low=low, high=high)
 
 
 FITS: Mapping[Autopilot, AutopilotFit] = {'px4': px4_fit, 'ardupilot': ardupilot_fit}

@@ -110,11 +110,14 @@ typedef struct {
 } imu_thermal_play;
 """,
 }
+"""Types of the state of a signal, by its kind."""
 C99_FILES = ('imu_thermal.h', 'imu_thermal.c', 'CMakeLists.txt', 'package.xml')
-LIBM = {'EXP(': 'exp', 'EXPM1(': 'expm1'}
-ADVANCE = """    const uint64_t since = (uint64_t)t - (uint64_t)state->newest;
+LIBM_FUNCTIONS = {'EXP(': 'exp', 'EXPM1(': 'expm1'}
+"""Functions of libm, by what their call begins with."""
+ADVANCE_STATEMENTS = """    const uint64_t since = (uint64_t)t - (uint64_t)state->newest;
     advance(state, (imu_thermal_real)since * REAL(1e-9), temperature, sample);
 """
+"""Statements that take a sample into the history."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,9 @@ def c99_of(model: ThermalModel) -> C99:
     header = _template('imu_thermal.h.in').substitute(
         device=_comment(model.device or 'a device without name'),
         label=label,
-        libm=' and '.join(['isfinite', *(n for call, n in LIBM.items() if call in functions)]),
+        libm=' and '.join(
+            ['isfinite', *(n for call, n in LIBM_FUNCTIONS.items() if call in functions)]
+        ),
         channels=''.join(_channel_field(*item) for item in signals.channels.items()),
         state_types=''.join(STATE_TYPES[kind] for kind in count),
         state_fields=''.join(f'  imu_thermal_{k} {k}[{n}];\n' for k, n in count.items()),
@@ -152,7 +157,7 @@ def c99_of(model: ThermalModel) -> C99:
         label=label,
         reference_temperature=repr(float(model.reference_temperature)),
         functions=functions,
-        advance=ADVANCE if signals.listed else '',
+        advance=ADVANCE_STATEMENTS if signals.listed else '',
         errors=''.join(_error_call(sensor) for sensor in bodies),
     )
     shipped = resources.files(__package__)
@@ -269,7 +274,7 @@ def _straight_on(
     coefficients: FloatArray,
     reference_temperature: float,
 ) -> list[str]:
-    """Return the statements by which what bends runs straight on outside the fitted range.
+    """Return the statements by which an effect that bends goes on straight outside the range.
 
     The slopes are those of `effect.columns_from`, per kelvin beyond the edge.
     """
@@ -291,8 +296,15 @@ def _straight_on(
 
 def _at(temperature: float, sensor: Sensor, reference_temperature: float) -> Conditions:
     still = np.zeros((1, 3))
-    one = Conditions(np.zeros(1), np.array([temperature]), still, still, still)
-    return replace(one, sensor=sensor, reference_temperature=reference_temperature)
+    return Conditions(
+        time=np.zeros(1),
+        temperature=np.array([temperature]),
+        specific_force=still,
+        angular_velocity=still,
+        magnetic_field=still,
+        sensor=sensor,
+        reference_temperature=reference_temperature,
+    )
 
 
 def _known(channels: Sequence[str], signals: Signals) -> str:

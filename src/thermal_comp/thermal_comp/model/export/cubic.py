@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The polynomial of third order that autopilots take, and what of a model it cannot hold."""
+"""The cubic in temperature that autopilots take, and the part of a model that it cannot hold."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
 ORDER = 3
+"""Order of the polynomial."""
 RATE_C_PER_MIN = 2.0
-"""Ramp of the course over which the model is looked at."""
+"""Ramps of the cycles in which cubic and model are compared [°C/min]."""
 PERIOD_S = 5.0
-"""Distance of its samples."""
+"""Distance of samples in them [s]."""
 LONG_AFTER_S = 1e7
-"""Time since power-on after which nothing of a start is left."""
-WORTH_NAMING = 1e-3
-"""Share of the correction below which a cost is none."""
-INPUTS: Mapping[Sensor, float] = {
+"""Time since power-on after which no warm-up is left [s]."""
+LEAST_COST_SHARE = 1e-3
+"""Cost of an effect, as a share of the correction, from which it is named."""
+TYPICAL_INPUTS: Mapping[Sensor, float] = {
     'accelerometer': STANDARD_GRAVITY,
     'gyroscope': 1.0,
     'magnetometer': 5e-5,
 }
-"""Input on every axis at which the cost of what depends on it is said [unit]."""
+"""Input on every axis for which costs of effects that depend on it are given [unit]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,15 +68,15 @@ class Cubic:
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """What a cubic leaves of the modelled error of one sensor, in ramps of 2 K/min."""
+    """The part of the modelled error of one sensor that a cubic leaves, in ramps of 2 K/min."""
 
     kept: float
-    """Share of the correction's rms that it keeps."""
+    """Share of the correction's rms that the cubic keeps."""
     costs: Mapping[str, float]
-    """Largest error on any axis that it leaves of each effect [unit], largest first; those
+    """Largest error on any axis that the cubic leaves of each effect [unit], largest first; only
     above a thousandth of the correction."""
     not_followed: tuple[str, ...]
-    """Effects of channels an autopilot does not follow; their cost is their rms in the fit."""
+    """Effects of channels that an autopilot does not have; their cost is their rms in the fit."""
 
 
 def reduced(model: ThermalModel, sensor: Sensor) -> Cubic:
@@ -127,7 +128,7 @@ def fitted_cubic(
 
 
 def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
-    """Return what a cubic leaves of a model."""
+    """Return the part of a model that a cubic leaves."""
     part = model.sensors[sensor]
     settled = _course(model, sensor, inputs=0.0, start=LONG_AFTER_S)
     second = slice(len(settled) // 2, None)
@@ -135,7 +136,7 @@ def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
     error = sum((_error(e, c, settled)[second] for e, c in terms), start=np.zeros(()))
     left = error - cubic.error(settled.temperature[second])
     kept = 1.0 - _rms(left) / _rms(error) if terms and _rms(error) > 0.0 else 0.0
-    from_start = _course(model, sensor, inputs=INPUTS[sensor], start=0.0)
+    from_start = _course(model, sensor, inputs=TYPICAL_INPUTS[sensor], start=0.0)
     costs = {}
     for effect, coefficients in terms:
         whole = _error(effect, coefficients, settled)[second]
@@ -145,12 +146,13 @@ def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
     not_followed = [e for _, e, _ in part.device_terms() if e.channels]
     for effect in not_followed:
         costs[effect.name] = float(np.max(part.contributions.get(effect.name, np.zeros(3))))
-    least = WORTH_NAMING * max([float(np.abs(error).max()), *costs.values()])
+    least = LEAST_COST_SHARE * max([float(np.abs(error).max()), *costs.values()])
     ordered = sorted((k for k in costs.items() if k[1] > least), key=lambda item: -item[1])
     return Loss(max(0.0, kept), dict(ordered), tuple(e.name for e in not_followed))
 
 
 def _followed(part: SensorModel) -> list[tuple[Effect, FloatArray]]:
+    """Return the device effects without channels, and their coefficients."""
     return [(e, c) for _, e, c in part.device_terms() if not e.channels]
 
 
@@ -188,11 +190,13 @@ def _course(model: ThermalModel, sensor: Sensor, *, inputs: float, start: float)
 
 
 def _cubic_of(temperature: FloatArray, error: FloatArray) -> Cubic:
+    """Return the cubic of least squares to an error (n, 3), about the middle of the range."""
     low, high = float(temperature.min()), float(temperature.max())
     middle, span = 0.5 * (low + high), high - low
     x = (temperature - middle) / span
     fitted = np.linalg.lstsq(x[:, None] ** np.arange(ORDER + 1), error)[0]
-    return Cubic(fitted / span ** np.arange(ORDER + 1)[:, None], middle, low, high)
+    coefficients = fitted / span ** np.arange(ORDER + 1)[:, None]
+    return Cubic(coefficients=coefficients, reference=middle, low=low, high=high)
 
 
 def _zero_at(cubic: Cubic, temperature: float) -> Cubic:

@@ -10,7 +10,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 HORIZON_S = 100.0
-"""What changes more slowly counts as random walk, what changes faster as white noise."""
+"""Correlation time from which a process counts as random walk, below as white noise [s]."""
 
 
 def densities(noise: NoiseModel) -> tuple[FloatArray, FloatArray]:

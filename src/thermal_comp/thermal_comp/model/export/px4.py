@@ -17,9 +17,11 @@ from thermal_comp.model.export.cubic import ORDER, Cubic
 from thermal_comp.model.values import ModelError
 
 LETTERS: Mapping[Sensor, str] = {'accelerometer': 'A', 'gyroscope': 'G'}
+"""Sensors in the names of parameters."""
 INSTANCES = range(4)
-INTEGER, REAL = 6, 9
-"""Types of MAVLink: MAV_PARAM_TYPE_INT32 and _REAL32."""
+"""Instances of a sensor that have parameters."""
+INTEGER_TYPE, REAL_TYPE = 6, 9
+"""MAV_PARAM_TYPE_INT32 and _REAL32 of MAVLink."""
 
 
 def px4_text(
@@ -31,14 +33,14 @@ def px4_text(
         if sensor not in cubics:
             continue
         cubic, prefix = cubics[sensor], f'TC_{letter}{instance}'
-        rows.append((f'TC_{letter}_ENABLE', '1', INTEGER))
+        rows.append((f'TC_{letter}_ENABLE', '1', INTEGER_TYPE))
         if sensor in ids:
-            rows.append((f'{prefix}_ID', str(ids[sensor]), INTEGER))
+            rows.append((f'{prefix}_ID', str(ids[sensor]), INTEGER_TYPE))
         reals = {'TMIN': cubic.low, 'TMAX': cubic.high, 'TREF': cubic.reference}
         for power in range(ORDER + 1):
             for axis in range(3):
                 reals[f'X{power}_{axis}'] = float(cubic.coefficients[power, axis])
-        rows += [(f'{prefix}_{name}', shortest(value), REAL) for name, value in reals.items()]
+        rows += [(f'{prefix}_{name}', shortest(value), REAL_TYPE) for name, value in reals.items()]
     lines = [f'# Thermal compensation: {label}', '#', '# Vehicle-Id Component-Id Name Value Type']
     lines += [f'1\t1\t{name}\t{value}\t{kind}' for name, value, kind in rows]
     return '\n'.join(lines) + '\n'
@@ -63,7 +65,9 @@ def read_px4(text: str, instance: int) -> dict[Sensor, Cubic]:
             low, high = values[f'{prefix}_TMIN'], values[f'{prefix}_TMAX']
         except KeyError as missing:
             raise ModelError(f'{missing.args[0]}: missing') from None
-        cubics[sensor] = Cubic(np.array(powers), values[f'{prefix}_TREF'], low, high)
+        cubics[sensor] = Cubic(
+            coefficients=np.array(powers), reference=values[f'{prefix}_TREF'], low=low, high=high
+        )
     return cubics
 
 

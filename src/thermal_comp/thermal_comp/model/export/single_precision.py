@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the C form of a model is off in single precision, told from the size of its terms.
+"""The rounding error of a model's C form in single precision, from the size of its terms.
 
-A sum is rounded in proportion to its largest terms: where coefficients are large and take nearly
-all of each other away, as those of effects that look alike do, what is left is mostly rounding.
+A sum is rounded in proportion to its largest terms: where large terms nearly cancel, as those of
+effects that look alike do, their sum is mostly rounding.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from thermal_comp.effects.c_form import CForm, Signals
 from thermal_comp.effects.effect import Effect, columns_from
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-ROUNDING = 2.0 * 2.0**-24
-"""Error of a term in its size, with its history: two roundings, as measured (test_c99.py)."""
+ROUNDING_PER_TERM = 2.0 * 2.0**-24
+"""Error of a term, as a share of its size: two roundings, as measured (test_c99.py)."""
 TOLERANCE = 1e-5
 """Share of the correction's range that single precision may be off by."""
 
@@ -27,7 +27,7 @@ TOLERANCE = 1e-5
 def single_precision_shares(
     model: ThermalModel, courses: Sequence[Conditions]
 ) -> dict[Sensor, float]:
-    """Return of each compensated sensor how far single precision is off, about.
+    """Return the estimated rounding error of each compensated sensor in single precision.
 
     It is a share of the range of the correction over the courses.
     """
@@ -39,7 +39,7 @@ def single_precision_shares(
         errors, sizes = zip(*(_error_and_size(part, c.of(sensor)) for c in courses), strict=True)
         span = float(np.ptp(np.concatenate(errors)))
         if span > 0.0:
-            shares[sensor] = ROUNDING * float(np.concatenate(sizes).max()) / span
+            shares[sensor] = ROUNDING_PER_TERM * float(np.concatenate(sizes).max()) / span
     return shares
 
 

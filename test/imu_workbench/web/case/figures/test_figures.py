@@ -17,7 +17,7 @@ from imu_workbench.web.case.figures.time_course import time_figure
 from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
 from imu_workbench.web.case.versions_panel import error_steps_figure
 from imu_workbench.web.case.view import View, timeline_of
-from thermal_comp.experiment.plan import PAPER
+from thermal_comp.experiment.plan import PAPER_PLAN
 
 VIEW = View('accelerometer', 2)
 
@@ -66,7 +66,7 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
                 CaseVersion('v2', 'v1', 'lag', fitted.lag.errors()),
             ]
         ),
-        'profile': profile_figure(setpoint_of(PAPER)),
+        'profile': profile_figure(setpoint_of(PAPER_PLAN)),
     }
     for name, figure in figures.items():
         titles = [
