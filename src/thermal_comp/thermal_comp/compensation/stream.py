@@ -26,7 +26,13 @@ from thermal_comp.compensation.recording import (
     sensor_error,
 )
 from thermal_comp.data.binning import VibrationState, update_vibration
-from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
+from thermal_comp.data.conditions import (
+    CHANNELS,
+    SENSORS,
+    Conditions,
+    Sensor,
+    settled_conditions,
+)
 from thermal_comp.effects.effect import State
 from thermal_comp.model.values import ThermalModel
 
@@ -321,16 +327,9 @@ def _noise_key(interval: float) -> int:
 
 def _needs_history(model: ThermalModel) -> bool:
     """Tell whether an effect carries a state, or counts the time since power-on."""
-    still = np.zeros((1, 3))
-    conditions = Conditions(
-        time=np.zeros(1),
-        temperature=np.array([model.reference_temperature]),
-        specific_force=still,
-        angular_velocity=still,
-        magnetic_field=still,
-    )
+    conditions = settled_conditions(model.reference_temperature)
     channels: dict[str, Any] = {n: np.zeros(1) for n in CHANNELS if n != 'vibration'}
-    complete = replace(conditions, vibration=still, **channels)
+    complete = replace(conditions, vibration=np.zeros((1, 3)), **channels)
     known = [s for s in SENSORS if s in model.sensors]
     return any(
         has_history(model.sensors[s], complete.of(s))

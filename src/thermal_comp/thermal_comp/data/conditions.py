@@ -135,6 +135,21 @@ def field_conditions(
     )
 
 
+def settled_conditions(
+    temperature: float, reference_temperature: float = REFERENCE_TEMPERATURE
+) -> Conditions:
+    """Return the conditions of one sample without inputs, at a temperature that is long held."""
+    nothing = np.zeros((1, 3))
+    return Conditions(
+        time=np.zeros(1),
+        temperature=np.array([temperature]),
+        specific_force=nothing,
+        angular_velocity=nothing,
+        magnetic_field=nothing,
+        reference_temperature=reference_temperature,
+    )
+
+
 def static_conditions(
     recording: ImuRecording,
     *,

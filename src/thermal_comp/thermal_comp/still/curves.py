@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import Sensor, settled_conditions
 from thermal_comp.fitting.fit import package_version
 from thermal_comp.fitting.inputs import check_temperature, device_of, usable_sensors
 from thermal_comp.model.values import ModelError, Provenance, ThermalModel
@@ -57,7 +57,7 @@ class StillCurves:
         """Return the (n, 3) change of the settled error since `base`, and its std [unit]."""
         part = self.model.sensors[sensor]
         rows = [
-            effect.columns(_settled(t, self.model))[0]
+            effect.columns(settled_conditions(t, self.model.reference_temperature))[0]
             for t in (*temperature.tolist(), self.base)
             for effect in part.effects
         ]
@@ -124,16 +124,3 @@ def _ages(logs: Sequence[RestingLog]) -> FloatArray:
     newest = np.nanmax(started) if np.isfinite(started).any() else np.nan
     ages: FloatArray = (newest - started) / YEAR_S
     return ages
-
-
-def _settled(temperature: float, model: ThermalModel) -> Conditions:
-    """Return the conditions of one sample at a temperature that has long been held."""
-    still = np.zeros((1, 3))
-    return Conditions(
-        time=np.zeros(1),
-        temperature=np.array([temperature]),
-        specific_force=still,
-        angular_velocity=still,
-        magnetic_field=still,
-        reference_temperature=model.reference_temperature,
-    )

@@ -131,9 +131,13 @@ def _flaw(
     alike: list[float] = []
     others: list[float] = []
     for further, with_it, weight in larger:
-        size = _more_explained(hypotheses, with_it, some)
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
-        (alike if further in kin else others).append(gain + weight + log_prior_at(size, likeness))
+        if further in kin:
+            size = _more_explained(hypotheses, with_it, some)
+            alike.append(gain + weight + log_prior_at(size, likeness))
+        else:  # no flaw looks like slow noise
+            size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
+            others.append(gain + weight + log_prior_at(size, likeness))
     ways = [(one.free_flaw, 1)]
     ways += [(log_sum(single), len(single))] if single else []
     ways += [(log_sum(alike), len(kin))] if alike else []

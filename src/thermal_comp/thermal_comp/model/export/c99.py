@@ -14,7 +14,7 @@ from typing import get_args
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
 
-from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.data.conditions import SENSORS, Sensor, settled_conditions
 from thermal_comp.effects.c_form import CColumns, CForm, Kind, Signal, Signals
 from thermal_comp.effects.effect import EDGE_K, Effect
 from thermal_comp.model.file import model_label
@@ -281,7 +281,9 @@ def _straight_on(
     lines = []
     for sign, limit in zip((-1.0, 1.0), part.temperature_range, strict=True):
         at_edge, inside = (
-            effect.columns(_at(limit - shift, sensor, reference_temperature))[0][0]
+            effect.columns(settled_conditions(limit - shift, reference_temperature).of(sensor))[0][
+                0
+            ]
             for shift in (0.0, sign * EDGE_K)
         )
         slope = sign * ((at_edge - inside) / EDGE_K @ coefficients)
@@ -292,19 +294,6 @@ def _straight_on(
         ]
         lines.append('}')
     return lines
-
-
-def _at(temperature: float, sensor: Sensor, reference_temperature: float) -> Conditions:
-    still = np.zeros((1, 3))
-    return Conditions(
-        time=np.zeros(1),
-        temperature=np.array([temperature]),
-        specific_force=still,
-        angular_velocity=still,
-        magnetic_field=still,
-        sensor=sensor,
-        reference_temperature=reference_temperature,
-    )
 
 
 def _known(channels: Sequence[str], signals: Signals) -> str:
