@@ -10,7 +10,7 @@ from thermal_comp.model.values import NoiseModel
 def test_levels_and_base_leave_what_least_squares_leaves() -> None:
     generator = np.random.default_rng(5)
     noise = NoiseModel(np.full(3, 1e-3), np.zeros(0), np.zeros((0, 3)))
-    whitening = RowWhitening([np.arange(40), np.arange(60)], noise, [1.0, 1.0])
+    whitening = RowWhitening([np.arange(40), np.arange(60)], [noise, noise], [1.0, 1.0])
     x = generator.normal(size=(100, 1, 1)) * np.ones((1, 3, 1))
     rows = ProjectedRows(whitening, [x])
     column = generator.normal(size=(100, 3, 1))

@@ -19,7 +19,7 @@ SLOTS = [np.arange(40), np.r_[0:20, 35:60]]
 
 def test_stacked_rows_are_whitened_as_each_run_is() -> None:
     columns = np.random.default_rng(2).standard_normal((85, 3, 2))
-    whitening = RowWhitening(SLOTS, NOISE, [20.0, 5.0])
+    whitening = RowWhitening(SLOTS, [NOISE, NOISE], [20.0, 5.0])
     found = whitening.whitened(columns)
     assert len(whitening) == 85
     for run, (slot, period) in enumerate(zip(SLOTS, (20.0, 5.0), strict=True)):

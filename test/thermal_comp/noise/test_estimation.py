@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise of a simulated draw is found again, and whitening makes it white."""
 
+from dataclasses import replace
+
 import numpy as np
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import fit_noise_to_spectra
+from thermal_comp.noise.estimation import fit_noise, fit_noise_to_spectra
+from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
     draw_noise,
@@ -12,6 +19,8 @@ from thermal_comp.noise.process import (
     project_spectra,
     toeplitz_product,
 )
+
+from ..campaign import WHITE, run
 
 PERIOD = 20.0
 TRUE_NOISE = NoiseModel(
@@ -108,3 +117,31 @@ def test_of_bursts_rows_are_counted_not_the_slots_between_them() -> None:
     assert projection.weight.sum() < 0.5 * len(slot) + 1.0
     white = np.array([noise.white for noise in found])
     assert 0.6 < white.min() < white.max() < 1.4
+
+
+def test_a_run_in_a_coarser_range_has_noise_of_its_own() -> None:
+    runs = prepare([
+        run(up, seed=k, cycles=2, period=PERIOD, noise=factor)
+        for k, (up, factor) in enumerate((('+x', 1.0), ('+y', 4.0), ('+z', 1.0)))
+    ])  # fmt: skip
+    noise = fit_noise(runs, 'gyroscope')
+    first, loud, third = (noise.of_run(one.name).white for one in runs)
+    np.testing.assert_allclose(loud / first, 4.0, rtol=0.15)
+    np.testing.assert_allclose(third / first, 1.0, rtol=0.15)
+
+
+def test_runs_whose_noise_differs_by_chance_share_it() -> None:
+    runs = prepare([run(up, seed=k, cycles=2, period=PERIOD) for k, up in enumerate(('+x', '+y'))])
+    assert not fit_noise(runs, 'gyroscope').run_factors
+
+
+def test_counts_four_times_as_coarse_in_one_run_are_no_effect() -> None:
+    step = 4.0 * WHITE['angular_velocity'] / np.sqrt(PERIOD)
+    recordings = [run(up, seed=k, cycles=2, period=PERIOD) for k, up in enumerate(('+x', '+y'))]
+    coarse = np.round(recordings[1].angular_velocity / step) * step
+    runs = prepare([recordings[0], replace(recordings[1], angular_velocity=coarse)])
+    base = {'gyroscope': (BiasTemperature(),)}
+    noise = determined_noise(runs, base)[0]
+    answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']
+    assert answer.kind == 'complete'
+    assert answer.likeliest.probability > 0.5

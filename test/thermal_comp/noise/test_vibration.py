@@ -172,7 +172,7 @@ def test_whitening_counts_what_vibration_adds() -> None:
     dense = dense + np.diag(30.0 * (vibration - 0.1) / 20.0)
     rows = apply_gains(np.eye(len(slot)), innovation_gains(slot, NOISE, 0, 20.0, vibration))
     np.testing.assert_allclose(rows @ dense @ rows.T, np.eye(len(slot)), atol=1e-9)
-    whitening = RowWhitening([slot, slot], NOISE, [20.0, 20.0], [vibration, None])
+    whitening = RowWhitening([slot, slot], [NOISE, NOISE], [20.0, 20.0], [vibration, None])
     found = whitening.whitened(np.eye(2 * len(slot))[:, None].repeat(3, axis=1))
     np.testing.assert_array_equal(found[0, : len(slot), : len(slot)], rows)
     still = apply_gains(np.eye(len(slot)), innovation_gains(slot, NOISE, 0, 20.0))

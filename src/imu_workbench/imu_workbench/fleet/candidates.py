@@ -77,7 +77,7 @@ def candidate_gains(
     runs, valid = [runs[k] for k in used], [valid[k] for k in used]
     whitening = RowWhitening(
         [run.slot[rows] for run, rows in zip(runs, valid, strict=True)],
-        noise,
+        [noise.of_run(run.name) for run in runs],
         [run.period for run in runs],
     )
 

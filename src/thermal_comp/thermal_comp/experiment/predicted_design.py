@@ -78,7 +78,7 @@ class PredictedDesign:
         self.runs = [run.of(sensor) for run in runs]
         self.noise = noise
         slot: IntArray = np.arange(len(runs[0]), dtype=np.int64)
-        whitening = RowWhitening([slot] * len(runs), noise, [PERIOD_S] * len(runs))
+        whitening = RowWhitening([slot] * len(runs), [noise] * len(runs), [PERIOD_S] * len(runs))
         self._rows = ProjectedRows(whitening, [self.raw(effect) for effect in base])
 
     def raw(self, effect: Effect) -> FloatArray:

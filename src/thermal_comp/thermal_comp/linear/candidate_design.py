@@ -116,7 +116,8 @@ class CandidateDesign:
             None if run.vibration is None else run.vibration[ok]
             for run, ok in zip(runs, self.valid, strict=True)
         ]
-        self.whitening = RowWhitening(slots, noise, [run.period for run in runs], vibrations)
+        noises = [noise.of_run(run.name) for run in runs]
+        self.whitening = RowWhitening(slots, noises, [run.period for run in runs], vibrations)
         self.rows = len(self.whitening)
         self.cv_group: IntArray = np.concatenate(
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]

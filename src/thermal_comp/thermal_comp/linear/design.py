@@ -214,7 +214,7 @@ class Design:
             prepared, valid = self.runs[run], self.valid(run, sensor)
             self.gains[key] = innovation_gains(
                 prepared.slot[valid],
-                self.noise[sensor],
+                self.noise[sensor].of_run(prepared.name),
                 axis,
                 prepared.period,
                 None if prepared.vibration is None else prepared.vibration[valid],

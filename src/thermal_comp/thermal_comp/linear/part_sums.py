@@ -138,7 +138,9 @@ def part_sums(
                 table[:, :, place] = measured[k][r][here].transpose(1, 0, 2)
             vibration = None if run.vibration is None else run.vibration[here]
             gains = [
-                innovation_gains(run.slot[here], noise, axis, run.period, vibration)
+                innovation_gains(
+                    run.slot[here], noise.of_run(run.name), axis, run.period, vibration
+                )
                 for axis in range(3)
             ]
             whitened = np.stack(

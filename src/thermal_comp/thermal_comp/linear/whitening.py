@@ -96,20 +96,20 @@ class RowWhitening:
     def __init__(
         self,
         slots: Sequence[IntArray],
-        noise: NoiseModel,
+        noises: Sequence[NoiseModel],
         periods: Sequence[float],
         vibrations: Sequence[FloatArray | None] | None = None,
     ) -> None:
-        """`slots` are the places of each run's rows; runs may share an array of them.
+        """`slots` are the places of each run's rows; runs may share an array of them, or a noise.
 
         `vibrations` (m,) are those of the rows of each run, None where they are not known.
         """
         self.edges = np.concatenate([[0], np.cumsum([len(slot) for slot in slots])])
-        gains: dict[tuple[int, float, int], list[Gains]] = {}
+        gains: dict[tuple[int, int, float, int], list[Gains]] = {}
         self._gains = []
         shaken = [None] * len(slots) if vibrations is None else vibrations
-        for slot, period, vibration in zip(slots, periods, shaken, strict=True):
-            key = id(slot), period, id(vibration)
+        for slot, noise, period, vibration in zip(slots, noises, periods, shaken, strict=True):
+            key = id(slot), id(noise), period, id(vibration)
             if key not in gains:
                 gains[key] = [
                     innovation_gains(slot, noise, axis, period, vibration) for axis in range(3)

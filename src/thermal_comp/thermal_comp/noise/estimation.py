@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -53,6 +53,12 @@ STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD = 1.0, 0.3
 """The same of white noise, and of what vibration adds to it, about the values that differences of
 neighbouring blocks have: slow noise is in these too, and vibration is only nearly white."""
 
+OTHER_NOISE_RATIO, OTHER_NOISE_STDS = 1.5, 5.0
+"""Ratio of a run's variance of noise to that of all, and number of its standard deviations, from
+which runs have noise of their own: other ranges, coarser counts."""
+FACTOR_ROUNDS = 3
+"""Rounds in which the factors of runs and the noise they share are fitted in turn."""
+
 LEAST_VARIANCE_SHARE = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
@@ -74,7 +80,41 @@ def fit_noise(
         _spectrum(run, sensor, further, vibration)
         for run, further in zip(runs, furthers, strict=True)
     ]
-    return fit_noise_to_spectra([s for s in spectra if s is not None], vibration)
+    named = {
+        run.name: spectrum
+        for run, spectrum in zip(runs, spectra, strict=True)
+        if spectrum is not None
+    }
+    noise = fit_noise_to_spectra([*named.values()], vibration)
+    factors = dict.fromkeys(named, 1.0)
+    for _ in range(FACTOR_ROUNDS):
+        factors = _run_factors(noise, named, factors)
+        if not factors:
+            break
+        scaled = [spectrum.over(factors[name]) for name, spectrum in named.items()]
+        noise = replace(fit_noise_to_spectra(scaled, vibration), run_factors=factors)
+    return noise
+
+
+def _run_factors(
+    noise: NoiseModel, spectra: Mapping[str, ResidualSpectrum], factors: Mapping[str, float]
+) -> dict[str, float]:
+    """Return by how much the noise of each run is larger; {} where all have the same.
+
+    Of `factors` so far, the mean over frequencies and axes of the periodogram over its
+    expectation tells what they are off by.
+    """
+    found, differ = dict(factors), any(factor != 1.0 for factor in factors.values())
+    for name, spectrum in spectra.items():
+        power = np.vstack([noise.white**2, noise.amplitudes**2])
+        expected = spectrum.expected.T @ power + np.outer(spectrum.shaken, noise.per_vibration)
+        weight = float(spectrum.weight.sum())
+        ratio = spectrum.over(factors[name]).periodogram / np.maximum(expected, 1e-300)
+        change = float(spectrum.weight @ ratio.mean(axis=1)) / max(weight, 1e-300)
+        away = abs(np.log(max(change, 1e-300)))
+        differ |= away > max(np.log(OTHER_NOISE_RATIO), OTHER_NOISE_STDS / np.sqrt(3.0 * weight))
+        found[name] *= float(np.sqrt(change))
+    return found if differ and len(found) > 1 and min(found.values()) > 0.0 else {}
 
 
 def effects_beyond(
@@ -132,6 +172,7 @@ def noise_product(
     rows: NDArray[np.bool_] | slice = slice(None),
 ) -> FloatArray:
     """Return S @ values, (m, q), S the covariance of the noise of rows of a run [unit²]."""
+    noise = noise.of_run(run.name)
     covariance = mean_autocovariance(noise, axis, run.period, int(run.slot[-1]) + 1)
     added = block_variances(noise, run)[rows, axis] - covariance[0]
     product: FloatArray = toeplitz_product(covariance, run.slot[rows], values)

@@ -11,6 +11,7 @@ fitted to what it leaves there.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,7 +48,13 @@ def noise_of_model(
     spectra = [_spectrum(run, sensor, tuple(effects), vibration) for run in runs]
     if any(spectrum is None for spectrum in spectra):
         return extrapolated
-    found = fit_noise_to_spectra([s for s in spectra if s is not None], vibration)
+    factors = extrapolated.run_factors
+    scaled = [
+        spectrum.over(factors.get(run.name, 1.0))
+        for run, spectrum in zip(runs, spectra, strict=True)
+        if spectrum is not None
+    ]
+    found = replace(fit_noise_to_spectra(scaled, vibration), run_factors=factors)
     more = _spread(runs, found) / np.maximum(_spread(runs, extrapolated), 1e-300)
     return found if more <= MOST_SPREAD_RATIO**2 else extrapolated
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -86,6 +86,10 @@ class ResidualSpectrum:
     """(f,) degrees of freedom: share of white power left, times share of slots present."""
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
+
+    def over(self, factor: float) -> ResidualSpectrum:
+        """Return the spectrum of the residual divided by a factor."""
+        return replace(self, periodogram=self.periodogram / factor**2)
 
 
 @dataclass(frozen=True, eq=False)

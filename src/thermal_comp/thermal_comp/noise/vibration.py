@@ -164,6 +164,7 @@ def _most_likely(squares: FloatArray, excess: FloatArray) -> tuple[float, float,
 
 def block_variances(noise: NoiseModel, run: PreparedRun) -> FloatArray:
     """Return the (m, 3) variances of the noise of a run's block means [unit²]."""
+    noise = noise.of_run(run.name)
     variances = noise.variance_of_means(run.period) + noise.added_by(run.vibration, run.period)
     return np.broadcast_to(variances, (len(run), 3))
 

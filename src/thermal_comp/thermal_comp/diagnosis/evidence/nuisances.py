@@ -49,7 +49,7 @@ def nuisance_priors(
 
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
     """(m, 3, q) strongest directions of the slow part of the fitted noise, unit variance each."""
-    noise = design.noise
+    noise = design.noise.of_run(run.name)
     longest = max(float(some.time[-1]) for some in design.source.runs)
     slow = noise.time_constants >= longest * priors.SLOW_NOISE_SHARE
     support = np.linspace(run.time[0], run.time[-1], min(len(run.time), SUPPORT))
