@@ -11,8 +11,9 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.special import log_ndtr, ndtr
 
-NOTHING = 2.0 / 3.0
-"""That a sensor's model lacks nothing: most effects are felt by one sensor of three."""
+NOTHING = 0.75
+"""That a sensor's model lacks nothing: most effects are felt by one sensor of three, and in a
+campaign of four there is none."""
 
 ANOTHER_EFFECT = 0.2
 """That beside so many effects of a sensor there is one more: most campaigns have a single one."""
