@@ -18,7 +18,7 @@ setup(
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
     ],
-    install_requires=['setuptools'],
+    install_requires=['setuptools', 'lz4', "backports.zstd; python_version < '3.14'"],
     extras_require={'test': ['pytest'], 'logs': ['pymavlink', 'pyulog']},
     zip_safe=False,
     maintainer='imu_thermal maintainers',

@@ -108,6 +108,15 @@ def alone(run: ImuRecording, temperature: np.ndarray) -> ImuRecording:
     )
 
 
+def test_a_second_thermometer_in_the_air_tells_fahrenheit_from_celsius(run: ImuRecording) -> None:
+    second = replace(alone(run, run.temperature), chamber_temperature_2=run.chamber_temperature)
+    assert admitted(second) is second
+    assert run.chamber_temperature is not None
+    wrong = replace(second, chamber_temperature_2=run.chamber_temperature * 1.8 + 32.0)
+    with pytest.raises(RecordingError, match=r'chamber_temperature_2 is .* as if in °F'):
+        admitted(wrong)
+
+
 @pytest.mark.parametrize('step', [0.0625, 1 / 256, 0.1, 0.01])
 def test_a_thermometers_steps_tell_fahrenheit_without_a_chamber(
     run: ImuRecording, step: float

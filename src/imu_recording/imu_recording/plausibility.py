@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from imu_recording.logging_contract import MEASURED_FIELDS, TRACK_OF_FIELD
+from imu_recording.logging_contract import MEASURED_FIELDS, THERMOMETER_FIELDS, TRACK_OF_FIELD
 from imu_recording.recording import (
-    GRAVITY,
     SENSOR_FIELDS,
     SENSOR_UNITS,
+    STANDARD_GRAVITY,
     FloatArray,
     ImuRecording,
     RecordingError,
@@ -62,7 +62,7 @@ NORM = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
 """Median norm [m/s², T]: gravity, whatever the attitude, and Earth's field of 22 … 67 µT with
 hard iron of a few times its size."""
 FACTORS = {
-    'accelerometer': {'g': 1.0 / GRAVITY, 'mg': 1e3 / GRAVITY, 'cm/s²': 100.0},
+    'accelerometer': {'g': 1.0 / STANDARD_GRAVITY, 'mg': 1e3 / STANDARD_GRAVITY, 'cm/s²': 100.0},
     'magnetometer': {'µT': 1e6, 'gauss': 1e4, 'mG': 1e7, 'nT': 1e9, 'mT': 1e3},
     'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
 }
@@ -267,7 +267,7 @@ def _size_text(sensor: str, size: float) -> str:
 
 def _foreign_temperature(recording: ImuRecording) -> str:
     """Return what is wrong where the die is in °F and its chamber in °C, or the reverse."""
-    for field in ('chamber_temperature', 'device_temperature', 'setpoint'):
+    for field in (*THERMOMETER_FIELDS, 'setpoint'):
         chamber = getattr(recording, field)
         if chamber is None:
             continue

@@ -44,7 +44,7 @@ SENSOR_FIELDS = {
 SENSOR_UNITS = {'accelerometer': 'm/s²', 'gyroscope': 'rad/s', 'magnetometer': 'T'}
 """SI unit of each sensor's field."""
 
-GRAVITY = 9.80665
+STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], ISO 80000-3."""
 GRAVITY_SHARE = 0.9
 """The axis must carry at least this share of the specific force, in most of the recording."""
@@ -220,7 +220,7 @@ def infer_up_axis(linear_acceleration: FloatArray) -> str:
         return ''
     with np.errstate(over='ignore'):  # numbers no accelerometer gives make no axis point up
         norm = np.linalg.norm(sample, axis=1)
-    if not 0.5 * GRAVITY < float(np.median(norm)) < 1.5 * GRAVITY:
+    if not 0.5 * STANDARD_GRAVITY < float(np.median(norm)) < 1.5 * STANDARD_GRAVITY:
         return ''
     middle = np.median(sample, axis=0)
     axis = int(np.argmax(np.abs(middle)))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from orientation_filters.errors import (
+    ERROR_KINDS,
     AttitudeErrors,
     ErrorGroup,
     attitude_errors,
@@ -41,7 +42,6 @@ NO_TRUTH = (
     'angle [°] between each run and the raw one; there is no true attitude (topic '
     'reference/orientation), so nothing is said of errors'
 )
-KINDS = ('total', 'heading', 'inclination')
 LEAST_WORSE_DEG = 0.02
 """Least increase of an angle's error that is reported [deg]."""
 TEN_MINUTES_S = 600.0
@@ -381,6 +381,6 @@ def _label(name: str) -> str:
 def _row(label: str, cost: Mapping[str, Any]) -> str:
     kinds = ''
     if cost['rms']:
-        kinds = ''.join(f'{cost["rms"][kind]:9.3f}' for kind in KINDS)
+        kinds = ''.join(f'{cost["rms"][kind]:9.3f}' for kind in ERROR_KINDS)
         kinds += f'{cost["gain"]["total"]:9.3f}'
     return f'{label:46}{kinds}{cost["moved"]["total"]:9.3f}'

@@ -22,7 +22,7 @@ from orientation_filters.rotation.arrays import (
     to_rotation_vector,
 )
 
-KINDS = ('total', 'heading', 'inclination')
+ERROR_KINDS = ('total', 'heading', 'inclination')
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class AttitudeErrors:
 
     def rms(self, rows: NDArray[np.bool_] | None = None) -> dict[str, float]:
         """Return the rms of each kind [rad] over the rows (all where None); NaN without rows."""
-        return {kind: _rms(getattr(self, kind), rows) for kind in KINDS}
+        return {kind: _rms(getattr(self, kind), rows) for kind in ERROR_KINDS}
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@
 import numpy as np
 import pytest
 from imu_driver.board import lsm9ds1
+from imu_recording.recording import STANDARD_GRAVITY
 
 UNIT = {
     'gyroscope': lsm9ds1.DEGREE,
-    'accelerometer': lsm9ds1.STANDARD_GRAVITY,
+    'accelerometer': STANDARD_GRAVITY,
     'magnetometer': lsm9ds1.GAUSS,
 }
 

@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from imu_driver.board.lsm9ds1 import STANDARD_GRAVITY
 from imu_driver.board.sample import Sample
 from imu_driver.board.stream_statistics import (
     RestError,
@@ -15,6 +14,7 @@ from imu_driver.board.stream_statistics import (
     rest_report,
     up_axis,
 )
+from imu_recording.recording import STANDARD_GRAVITY
 
 POSITIONS = {
     f'{sign}{axis}': STANDARD_GRAVITY * (1 if sign == '+' else -1) * np.eye(3)[i]

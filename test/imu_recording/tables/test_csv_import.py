@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from imu_recording.logging_contract import CHANNEL_FIELDS
-from imu_recording.recording import GRAVITY, BagError
+from imu_recording.recording import STANDARD_GRAVITY, BagError
 from imu_recording.tables.csv_import import import_csv
 from imu_recording.tables.mapping import MappingError, mapping_from
 from imu_recording.tables.row_range import RowRange
@@ -332,7 +332,7 @@ def test_any_channel_of_the_logging_contract(tmp_path: Path) -> None:
     assert found.pressure.tolist() == [30_000.0] * 3
     assert found.chamber_temperature_2 == pytest.approx(np.full(3, 26.85))
     assert found.vibration is not None
-    assert found.vibration[0] / GRAVITY**2 == pytest.approx([1.0, 2.0, 4.0])
+    assert found.vibration[0] / STANDARD_GRAVITY**2 == pytest.approx([1.0, 2.0, 4.0])
 
 
 def test_a_log_that_ends_is_not_held_for_ever(tmp_path: Path) -> None:

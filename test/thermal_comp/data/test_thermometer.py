@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults of a die's thermometer, in a recording and in a stream, and none in one that is sound."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray, ImuRecording
@@ -42,6 +44,16 @@ def test_a_scale_that_cannot_be_is_found_over_a_cycle(scale: float) -> None:
     air = 20.0 + 30.0 * np.sin(2.0 * np.pi * time / 12_000.0)
     die = 20.0 + scale * (following(air, 2.0, 300.0) - 20.0)
     assert faults(recording(time, die, air)) == ['thermometer_scale']
+
+
+def test_a_second_thermometer_in_the_air_tells_of_a_wrong_scale_too() -> None:
+    time = np.arange(0.0, 12_000.0, 2.0)
+    air = 20.0 + 30.0 * np.sin(2.0 * np.pi * time / 12_000.0)
+    some = recording(time, 20.0 + 1.8 * (following(air, 2.0, 300.0) - 20.0), air)
+    second = replace(some, chamber_temperature=None, chamber_temperature_2=air)
+    assert faults(second) == ['thermometer_scale']
+    at_the_device = replace(second, device_temperature=some.temperature - 0.2)
+    assert faults(at_the_device) == []
 
 
 def test_a_thermometer_read_every_ten_seconds_holds_its_value_under_a_hair_dryer() -> None:

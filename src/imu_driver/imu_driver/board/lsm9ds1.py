@@ -17,11 +17,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray
 from imu_recording.user_error import UserError
 
-STANDARD_GRAVITY: Final = 9.80665
-"""[m/s²] one g of the datasheet (CGPM 1901)."""
 DEGREE: Final = math.pi / 180.0
 """[rad] in one degree."""
 GAUSS: Final = 1e-4

@@ -9,10 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from imu_recording.recording import UP_AXES, FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, UP_AXES, FloatArray
 from imu_recording.user_error import UserError
 
-from imu_driver.board.lsm9ds1 import STANDARD_GRAVITY
 from imu_driver.board.sample import Sample
 
 REST_SPAN: Final = 5.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from imu_recording.recording import SENSOR_FIELDS, ImuRecording
+from imu_recording.recording import SENSOR_FIELDS, STANDARD_GRAVITY, ImuRecording
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import COUNT_MAX
@@ -79,7 +79,11 @@ def flip(
     return [recording if k == which else other for k, other in enumerate(recordings)]
 
 
-UNIT_FACTORS = {'accelerometer': 1.0 / 9.80665, 'gyroscope': 180.0 / np.pi, 'magnetometer': 1e6}
+UNIT_FACTORS = {
+    'accelerometer': 1.0 / STANDARD_GRAVITY,
+    'gyroscope': 180.0 / np.pi,
+    'magnetometer': 1e6,
+}
 """Factors from SI to g, °/s, µT."""
 
 

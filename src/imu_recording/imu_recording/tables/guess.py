@@ -16,7 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from imu_recording.plausibility import rate_at_rest
-from imu_recording.recording import GRAVITY, BagError, FloatArray, ImuRecording
+from imu_recording.recording import STANDARD_GRAVITY, BagError, FloatArray, ImuRecording
 from imu_recording.tables.csv_import import LATEST_STAMP, fields_of
 from imu_recording.tables.csv_table import in_its_encoding
 from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMapping, mapping_from
@@ -63,7 +63,7 @@ TIME_NAMES = (
 )
 NAME_PREFIX = r'(imu\d?|sensor|raw|data)?_?'
 NORMS = {
-    'linear_acceleration': {'m/s²': GRAVITY, 'g': 1.0, 'mg': 1000.0},
+    'linear_acceleration': {'m/s²': STANDARD_GRAVITY, 'g': 1.0, 'mg': 1000.0},
     'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
 }
 """Norm that gravity and Earth's field have in each unit."""

@@ -33,7 +33,7 @@ from typing import Any
 import yaml
 
 from imu_recording.logging_contract import MEASURED_FIELDS
-from imu_recording.recording import GRAVITY, UP_AXES, RecordingError
+from imu_recording.recording import STANDARD_GRAVITY, UP_AXES, RecordingError
 from imu_recording.user_error import did_you_mean, fault_in_yaml
 
 _RATE = {
@@ -44,7 +44,13 @@ _RATE = {
     'mdeg/s': math.pi / 180e3,
     'deg/h': math.pi / 180 / 3600,
 }
-_FORCE = {'m/s²': 1.0, 'm/s^2': 1.0, 'm/s2': 1.0, 'g': GRAVITY, 'mg': 1e-3 * GRAVITY}
+_FORCE = {
+    'm/s²': 1.0,
+    'm/s^2': 1.0,
+    'm/s2': 1.0,
+    'g': STANDARD_GRAVITY,
+    'mg': 1e-3 * STANDARD_GRAVITY,
+}
 _FIELD = {
     'T': 1.0,
     'mT': 1e-3,
@@ -57,7 +63,13 @@ _FIELD = {
 }
 _SHARE = {'1': 1.0, '%': 0.01}
 _PRESSURE = {'Pa': 1.0, 'hPa': 100.0, 'mbar': 100.0, 'kPa': 1e3, 'bar': 1e5}
-_VARIANCE = {'(m/s²)²': 1.0, 'm²/s⁴': 1.0, 'm^2/s^4': 1.0, 'g²': GRAVITY**2, 'g^2': GRAVITY**2}
+_VARIANCE = {
+    '(m/s²)²': 1.0,
+    'm²/s⁴': 1.0,
+    'm^2/s^4': 1.0,
+    'g²': STANDARD_GRAVITY**2,
+    'g^2': STANDARD_GRAVITY**2,
+}
 _CELSIUS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
 _FAHRENHEIT = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
 _TEMPERATURE = _CELSIUS | _FAHRENHEIT

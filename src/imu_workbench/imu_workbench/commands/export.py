@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
 from imu_recording.user_error import UserError
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.export.ardupilot import NAMES, ardupilot_text
@@ -258,7 +258,7 @@ def _kalibr(
     text = kalibr_text(model, options.rate, options.rostopic, model_label(model))
     options.output.write_text(text, 'utf-8')
     sensors = {}
-    for sensor in ('accelerometer', 'gyroscope'):
+    for sensor in INERTIAL_SENSORS:
         part = model.sensors[sensor]
         assert part.noise is not None  # noqa: S101 (kalibr_text refuses it)
         white, walk = densities(part.noise)

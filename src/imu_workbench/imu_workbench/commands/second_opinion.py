@@ -12,6 +12,7 @@ import numpy as np
 from imu_recording.logs.dataflash import is_dataflash
 from imu_recording.logs.import_log import import_log, is_log
 from imu_recording.plausibility import admitted
+from imu_recording.recording import STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.comparison.other_logs import OtherLogs, on_other_logs
@@ -40,7 +41,7 @@ EPILOG = (
 )
 NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
 UNITS: dict[Sensor, tuple[float, str]] = {
-    'accelerometer': (1e3 / 9.80665, 'mg'),
+    'accelerometer': (1e3 / STANDARD_GRAVITY, 'mg'),
     'gyroscope': (180.0 / np.pi, '°/s'),
 }
 """Factor from SI and unit, as usual with autopilots."""

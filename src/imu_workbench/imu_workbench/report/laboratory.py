@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from imu_recording.recording import GRAVITY
+from imu_recording.recording import STANDARD_GRAVITY
 
 from imu_workbench.report.checked_yaml import read_checked
 
@@ -100,7 +100,7 @@ class Laboratory:
         known = self.content.get('gravity', {})
         if not known:
             spread = EARTH_GRAVITY_HALF_WIDTH / math.sqrt(3.0)
-            return GRAVITY, spread, 'standard gravity, anywhere on Earth at sea level'
+            return STANDARD_GRAVITY, spread, 'standard gravity, anywhere on Earth at sea level'
         expanded = float(known.get('expanded_uncertainty', 0.0))
         standard = expanded / float(known.get('coverage_factor', 2.0))
         return float(known['value']), standard, self.text('gravity', 'source')

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from imu_recording.recording import GRAVITY, SENSOR_UNITS
+from imu_recording.recording import SENSOR_UNITS, STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 
 from imu_workbench.report.checked_yaml import read_checked
@@ -17,8 +17,8 @@ from imu_workbench.report.checked_yaml import read_checked
 DEGREE = math.pi / 180.0
 UNITS: Mapping[str, Mapping[str, float]] = {
     'accelerometer': {
-        'm/s²': 1.0, 'm/s^2': 1.0, 'mm/s²': 1e-3, 'g': GRAVITY, 'mg': 1e-3 * GRAVITY,
-        'µg': 1e-6 * GRAVITY,
+        'm/s²': 1.0, 'm/s^2': 1.0, 'mm/s²': 1e-3, 'g': STANDARD_GRAVITY,
+        'mg': 1e-3 * STANDARD_GRAVITY, 'µg': 1e-6 * STANDARD_GRAVITY,
     },
     'gyroscope': {
         'rad/s': 1.0, '°/s': DEGREE, 'deg/s': DEGREE, 'dps': DEGREE, 'm°/s': 1e-3 * DEGREE,

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from imu_recording.recording import STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 
 REQUIRED = ('dut', 'quantity', 'axis', 'segment', 'min', 'max', 'mean', 'std')
 LARGE_MEAN_SIGMA = 5.0
 """A channel is large where its mean is this many standard deviations from zero."""
 TO_SI = {
-    'm/s^2': 1.0, 'm/s²': 1.0, 'm/s2': 1.0, 'g': 9.80665, 'mg': 9.80665e-3,
+    'm/s^2': 1.0, 'm/s²': 1.0, 'm/s2': 1.0, 'g': STANDARD_GRAVITY, 'mg': 1e-3 * STANDARD_GRAVITY,
     'T': 1.0, 'mT': 1e-3, 'uT': 1e-6, 'µT': 1e-6, 'μT': 1e-6, 'nT': 1e-9,
     'G': 1e-4, 'gauss': 1e-4, 'Gauss': 1e-4, 'mG': 1e-7,
 }  # fmt: skip

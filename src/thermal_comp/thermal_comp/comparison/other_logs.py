@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.comparison.second_opinion import CURVE_SENSORS, SecondOpinion
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.comparison.second_opinion import SecondOpinion
+from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor
 
 LEAST_COMMON_K = 3.0
 """Range of temperature that two logs have to share [K]."""
@@ -38,7 +38,7 @@ class OtherLogs:
 def on_other_logs(opinions: Sequence[SecondOpinion]) -> Mapping[Sensor, OtherLogs]:
     """Return the errors of the curves of a device on its other logs, by sensor."""
     found = {}
-    for sensor in CURVE_SENSORS:
+    for sensor in INERTIAL_SENSORS:
         known = [opinion for opinion in opinions if sensor in opinion.sensors]
         errors = [
             squares

@@ -21,7 +21,7 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
 from thermal_comp.comparison.compare import compare_prepared
-from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import INERTIAL_SENSORS, Conditions, Sensor
 from thermal_comp.data.preparation import prepare_run
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -38,8 +38,6 @@ from thermal_comp.model.export.cubic import Cubic
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import determined_noise
 
-CURVE_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
-"""Sensors that autopilots fit curves to."""
 POWERS = (BiasTemperature(), BiasTemperatureCurvature())
 """Effects that together are a cubic."""
 FLAT_PRIOR_PRECISION = 1e-6
@@ -124,7 +122,7 @@ def second_opinion(
             f'{LEAST_SPAN_K:g} K at least, better by 30'
         )
     usable, left_out = usable_sensors([run])
-    known = [s for s in usable if s in CURVE_SENSORS]
+    known = [s for s in usable if s in INERTIAL_SENSORS]  # an autopilot fits curves to no other
     if not known:
         raise ModelError('neither accelerometer nor gyroscope can be used: nothing to judge')
     cubic = compare_prepared(fit_prepared(dict.fromkeys(known, POWERS), [run]), [run])
@@ -140,7 +138,7 @@ def second_opinion(
             noise_floor=cubic.sensors[sensor].noise_floor,
             cooling=_when_cooling(run, sensor, fitted, rng),
         )
-    notes = [note for note in left_out if note.startswith(CURVE_SENSORS)]
+    notes = [note for note in left_out if note.startswith(INERTIAL_SENSORS)]
     return SecondOpinion(
         device=recording.device,
         autopilot=autopilot,

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 from imu_recording.logging_contract import THERMOMETER_FIELDS, TRACK_OF_FIELD
 
-from thermal_comp.data.conditions import CHANNELS, Sensor
+from thermal_comp.data.conditions import CHANNELS, INERTIAL_SENSORS, SENSORS, Sensor
 
 THERMAL_CHANNELS = tuple(name for name in THERMOMETER_FIELDS if name in CHANNELS)
 """Channels that tell how heat reaches the die."""
 MACHINES = ('heater', 'compressor')
 """Channels of the chamber's machines that make heat and cold."""
-INERTIAL: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
-EVERY: tuple[Sensor, ...] = (*INERTIAL, 'magnetometer')
 
 
 @dataclass(frozen=True)
@@ -42,11 +40,11 @@ class ActingChannel:
 
 
 ACTING_CHANNELS = (
-    ActingChannel('heater', EVERY, ('supply_voltage', 'compressor', 'vibration')),
-    ActingChannel('compressor', EVERY, ('vibration', 'supply_voltage')),
-    ActingChannel('supply_voltage', EVERY),
-    ActingChannel('vibration', INERTIAL),
-    ActingChannel('humidity', EVERY),
+    ActingChannel('heater', SENSORS, ('supply_voltage', 'compressor', 'vibration')),
+    ActingChannel('compressor', SENSORS, ('vibration', 'supply_voltage')),
+    ActingChannel('supply_voltage', SENSORS),
+    ActingChannel('vibration', INERTIAL_SENSORS),
+    ActingChannel('humidity', SENSORS),
     ActingChannel('pressure'),
     ActingChannel('fan'),
 )

@@ -9,19 +9,25 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from imu_recording.logging_contract import OPTIONAL_FIELDS
-from imu_recording.recording import FloatArray, ImuRecording, IntArray, RecordingError
+from imu_recording.recording import (
+    STANDARD_GRAVITY,
+    FloatArray,
+    ImuRecording,
+    IntArray,
+    RecordingError,
+)
 from numpy.typing import NDArray
 
 Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
 SENSORS: tuple[Sensor, ...] = get_args(Sensor)
+INERTIAL_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+"""Sensors of the device's motion; a magnetometer measures the field around it."""
 TABLE_ORDER: tuple[Sensor, ...] = ('gyroscope', 'accelerometer', 'magnetometer')
 """Order of the sensors in the paper's tables."""
 
 REFERENCE_TEMPERATURE = 20.0
 """Die temperature [°C] the coefficients refer to (T_A of Betta et al. 2022, Table I)."""
 
-STANDARD_GRAVITY = 9.80665
-"""Specific force at rest [m/s²] where no local value is given."""
 EARTH_RATE = 7.292115e-5
 """Rotation of the Earth [rad/s] (WGS 84)."""
 LEAST_FIELD_T = 1e-5

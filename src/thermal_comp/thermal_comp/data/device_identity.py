@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import INERTIAL_SENSORS
 from thermal_comp.data.prepared_run import PreparedRun
 
-TELLING_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+TELLING_SENSORS = INERTIAL_SENSORS
 """Sensors whose temperature slopes differ from device to device far more than from run to run
 (Betta et al. 2022, Tables III and IV); a magnetometer's follow the field around it."""
 SLOPE_DIFFERENCE_SHARE = 0.5

@@ -27,6 +27,8 @@ from thermal_comp.data.defective_rows import BoolArray, some_rows
 from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 
+NEAREST_FIRST = sorted(THERMOMETER_FIELDS, key=lambda name: name != 'device_temperature')
+"""Other thermometers, that at the device before those in the chamber's air."""
 MISSING_SHARE = 0.005
 """Share of rows without a temperature from which that is a fault."""
 SLOWEST_DIE_S = 1800.0
@@ -192,7 +194,7 @@ def copied_from(recording: ImuRecording) -> str:
 
 def wrong_scale(recording: ImuRecording) -> float:
     """Return the change of the die per kelvin around it where it is impossible, else 0 [K/K]."""
-    for name in ('device_temperature', 'chamber_temperature'):
+    for name in NEAREST_FIRST:
         track = getattr(recording, name)
         if track is None:
             continue

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from imu_recording.recording import GRAVITY, ImuRecording
+from imu_recording.recording import STANDARD_GRAVITY, ImuRecording
 
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
@@ -54,7 +54,7 @@ class NoiseReference:
     """Without processes where only the density of white noise is known."""
 
 
-DENSITY_UNITS = {'µg/√Hz': 1e-6 * GRAVITY, '°/s/√Hz': float(np.radians(1.0))}
+DENSITY_UNITS = {'µg/√Hz': 1e-6 * STANDARD_GRAVITY, '°/s/√Hz': float(np.radians(1.0))}
 """Units of datasheets and their factor from SI."""
 
 

@@ -7,7 +7,16 @@ from thermal_comp.effects.bias_step import BiasStep
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.compressor_hard_iron import CompressorHardIron
-from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
+from thermal_comp.effects.effect import (
+    COUNT,
+    FLIP,
+    Campaign,
+    Candidate,
+    Effect,
+    Kin,
+    State,
+    shape_parameter,
+)
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.effects.fixture_hard_iron import FixtureHardIron
 from thermal_comp.effects.fixture_tilt import FixtureTilt
@@ -60,4 +69,14 @@ EFFECTS: dict[str, type[Effect]] = {
 }
 """Every effect of the catalogue by name, device effects first."""
 
-__all__ = ['EFFECTS', 'Campaign', 'Candidate', 'Effect', 'State', 'shape_parameter']
+__all__ = [
+    'COUNT',
+    'EFFECTS',
+    'FLIP',
+    'Campaign',
+    'Candidate',
+    'Effect',
+    'Kin',
+    'State',
+    'shape_parameter',
+]

@@ -29,6 +29,8 @@ DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
 """Time constants of decays since power-on [s]."""
 GROUPS = np.repeat(np.arange(4), (len(DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S)))
 """(p,) group of each column: temperature, lags, branches, time since power-on."""
+GROUP_COUNT = int(GROUPS[-1]) + 1
+"""Number of groups of columns."""
 
 
 def _lag_root() -> FloatArray:

@@ -13,9 +13,9 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray
 
-from thermal_comp.data.conditions import CHANNELS, STANDARD_GRAVITY, Conditions, Sensor
+from thermal_comp.data.conditions import CHANNELS, Conditions, Sensor
 
 NEIGHBOUR_CORRELATION = 0.7
 """Correlation of the columns of neighbours, beside a line in temperature, at least."""

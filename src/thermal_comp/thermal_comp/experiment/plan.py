@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray
 
-from thermal_comp.data.conditions import STANDARD_GRAVITY, Conditions, mounting_rotation
+from thermal_comp.data.conditions import Conditions, mounting_rotation
 from thermal_comp.effects.operators import follow
 
 PERIOD_S = 20.0

@@ -13,7 +13,7 @@ from thermal_comp.comparison.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import GROUPS, Empirical
+from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
 from thermal_comp.linear.design import LEAST_DEVIATION
 from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
@@ -22,8 +22,6 @@ WIDTH_LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)
 """Rms that a group of columns may have, in standard deviations of a whitened row."""
 GROUP_PROBABILITY = 0.3
 """Probability that an axis needs a group at all."""
-GROUP_COUNT = int(GROUPS[-1]) + 1
-"""Number of groups of columns."""
 
 
 def empirical_form(

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from imu_recording.plausibility import POSSIBLE
-from imu_recording.recording import SENSOR_UNITS, FloatArray
+from imu_recording.recording import SENSOR_UNITS, STANDARD_GRAVITY, FloatArray
 
-from thermal_comp.data.conditions import CHANNELS, STANDARD_GRAVITY, Conditions, Sensor
+from thermal_comp.data.conditions import CHANNELS, Conditions, Sensor
 from thermal_comp.effects.effect import Effect
 
 LARGEST_ERROR = {'accelerometer': 10.0, 'gyroscope': 2.0, 'magnetometer': 1e-3}

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from imu_recording.recording import STANDARD_GRAVITY
 
-from thermal_comp.data.conditions import STANDARD_GRAVITY, Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
 from thermal_comp.presentation.notebook import html_table
 

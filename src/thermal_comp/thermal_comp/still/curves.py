@@ -15,15 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Sensor, settled_conditions
+from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor, settled_conditions
 from thermal_comp.fitting.fit import package_version
 from thermal_comp.fitting.inputs import check_temperature, device_of, usable_sensors
 from thermal_comp.model.values import ModelError, Provenance, ThermalModel
 from thermal_comp.still.log import PERIOD_S, RestingLog
 from thermal_comp.still.pool import YEAR_S, Pool, SensorCurve
 
-CURVE_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
-"""Sensors whose curves stretches at rest in unknown poses determine."""
 POSE_NOTE = (
     'accelerometer: what its scale changes with temperature is part of the curve, in the poses in '
     'which it rested'
@@ -86,8 +84,9 @@ def still_curves(logs: Sequence[RestingLog]) -> StillCurves:
     check_temperature(runs)
     span = float(temperatures.min()), float(temperatures.max())
     known, notes = usable_sensors(runs)
-    sensors = [sensor for sensor in CURVE_SENSORS if sensor in known]
-    if len(sensors) < len(CURVE_SENSORS):
+    # Stretches at rest in unknown poses determine no curve of a magnetometer.
+    sensors = [sensor for sensor in INERTIAL_SENSORS if sensor in known]
+    if len(sensors) < len(INERTIAL_SENSORS):
         raise ModelError('; '.join(notes))
     ages = _ages(resting)
     pools = {sensor: Pool(runs, of_log, ages, sensor, span) for sensor in sensors}

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from imu_recording.recording import FloatArray, IntArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.data.conditions import EARTH_RATE, STANDARD_GRAVITY, Sensor
+from thermal_comp.data.conditions import EARTH_RATE, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import GROUPS, Empirical
+from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.gaussian_evidence import log_sum
@@ -23,8 +23,6 @@ from thermal_comp.noise.of_runs import noise_of_runs
 from thermal_comp.still.forms import COARSE_LAGS, CURVE_SIZE, CurveForm, forms_near
 from thermal_comp.still.levels import LevelEquations, LevelSolution, solve_levels
 
-GROUP_COUNT = int(GROUPS[-1]) + 1
-"""Number of groups of columns of `empirical_term`; the polynomials come first."""
 FREE_STD = 1e6
 """Prior standard deviation of a polynomial that leaves it free; its size is estimated here."""
 GRAVITY_STD = 0.015

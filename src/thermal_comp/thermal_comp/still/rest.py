@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from imu_recording.recording import FloatArray, ImuRecording, IntArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.binning import bin_means, bin_variances
-from thermal_comp.data.conditions import STANDARD_GRAVITY
 
 LEAST_WINDOW_S = 1.0
 """Length of a window, at least [s] …"""

@@ -16,7 +16,7 @@ from typing import Any
 
 import allantools
 import numpy as np
-from imu_recording.recording import GRAVITY, FloatArray, ImuRecording
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray, ImuRecording
 from imu_recording.synchronise import longest_stretch
 from scipy.optimize import nnls
 from scipy.stats import chi2
@@ -35,7 +35,7 @@ LEAST_SHARE = 0.5
 """Share of the variance, at the averaging time where it is largest, from which a coefficient
 has a lower limit."""
 FLICKER_FACTOR = 2.0 * math.log(2.0) / math.pi
-DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * GRAVITY
+DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * STANDARD_GRAVITY
 ONE_SIDED = math.sqrt(2.0)
 """Density of one-sided white noise over the deviation of its means over a second."""
 COEFFICIENTS: Mapping[str, Mapping[Sensor, tuple[str, str, float]]] = {

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, FloatArray
 
 from thermal_comp.comparison.compare import compare_prepared
-from thermal_comp.data.conditions import STANDARD_GRAVITY, Conditions, Sensor
+from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import INERTIAL_SENSORS
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 HORIZON_S = 100.0
@@ -33,9 +33,8 @@ def kalibr_text(model: ThermalModel, rate: float, topic: str, label: str) -> str
     Raises ModelError where a sensor or its noise is missing, or has no random walk.
     """
     lines = [f'# Noise of {label}', '# of what is left once the temperature error is subtracted.']
-    sensors: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
     units = (('m/s^2', 'm/s^3'), ('rad/s', 'rad/s^2'))
-    for sensor, (unit, rate_of_unit) in zip(sensors, units, strict=True):
+    for sensor, (unit, rate_of_unit) in zip(INERTIAL_SENSORS, units, strict=True):
         part = model.sensors.get(sensor)
         if part is None or part.noise is None:
             raise ModelError(f'sensors.{sensor}.noise: missing; Kalibr needs it')
