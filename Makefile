@@ -5,7 +5,7 @@ SHELL := /bin/bash
 # One file's tests stay in one process, in the order they are collected in: what they share is
 # computed once.
 IN_PARALLEL := -n 2 --dist loadfile --no-loadscope-reorder
-.PHONY: help setup demo test test-web lint clean
+.PHONY: help setup demo test test-web test-odd lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -24,6 +24,10 @@ test: ## Run every test
 test-web: ## Test the web page in headless Chromium (apt install chromium)
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(IN_PARALLEL) $(PYTEST_ARGS)
+
+test-odd: ## Test every verb with every odd recording (more than half an hour)
+	@tools/setup_workspace.sh requirements-dev.txt
+	@. ./env.sh && export ODD_RECORDINGS=all && python -m pytest test/imu_workbench/commands/test_odd_recordings.py -n 2 $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt

@@ -100,14 +100,50 @@ WRONG = {
     'coefficient_symbols': (('a', 'b'), '1 coefficient_units, but 2 coefficient_symbols'),
     'twin': ('thermal_lag', 'is no other effect'),
     'separated_by_poses': (('magnetometer',), 'does not act on'),
+    'temperature_coefficient': ('yes', "temperature_coefficient is 'yes', expected True or False"),
+    'names_cause': (None, 'names_cause is None, expected True or False'),
+    'least_ratio': (-1.0, 'least_ratio is -1.0, expected a number from 0 on'),
+    'separating_action': (('log it',), "separating_action is ('log it',), expected a text"),
+    'guessed_channel': ('moisture', "guessed_channel 'moisture' is none of"),
+    'repeatable': (True, 'is repeatable, but occurrences is empty'),
+    'time_only': (True, 'columns depend on more than time_only says'),
+    'guess': (classmethod(lambda cls: ThermalLag), "thermal_lag guesses the channel ''"),
+    'live_forms': (lambda self: (), 'live_forms: the first is not the form itself'),
+    'columns_in_hindsight': (
+        lambda self, conditions: conditions.temperature,
+        'columns_in_hindsight have shape (600,), columns (600, 1)',
+    ),
+    'coefficient_deviations': (
+        lambda self: np.ones(3),
+        'coefficient_deviations have shape (3,), expected (1, 3)',
+    ),
+    'line_frequency': (-0.1, 'line_frequency is -0.1, expected None or'),
 }
 
 
 @pytest.mark.parametrize('attribute', WRONG)
-def test_contract_finds_a_relation_that_cannot_be(attribute: str) -> None:
+def test_contract_finds_an_attribute_that_cannot_be(attribute: str) -> None:
     value, problem = WRONG[attribute]
     wrong = type('Wrong', (ThermalLag,), {attribute: value, 'sensors': ('gyroscope',)})
     assert any(problem in found for found in check_effect(wrong)), check_effect(wrong)
+
+
+def test_contract_finds_a_first_order_effect_without_time_constant() -> None:
+    wrong = type('Wrong', (EFFECTS['bias_temperature_curvature'],), {'first_order': True})
+    assert any('no shape parameter in s' in problem for problem in check_effect(wrong))
+
+
+def test_contract_finds_a_guess_of_a_channel_that_is_needed_or_of_nothing() -> None:
+    humidity = EFFECTS['humidity']
+    wrong = type('Wrong', (humidity,), {'guessed_channel': 'humidity'})
+    assert any('among the channels it needs' in problem for problem in check_effect(wrong))
+    odd = type('Odd', (humidity,), {'guess': classmethod(lambda cls: 'humidity')})
+    assert any('expected the class of an effect' in problem for problem in check_effect(odd))
+
+
+def test_contract_finds_live_forms_that_start_with_another() -> None:
+    wrong = type('Wrong', (ThermalLag,), {'live_forms': lambda self: (ThermalLag(7.0), self)})
+    assert any('live_forms' in problem for problem in check_effect(wrong))
 
 
 def test_contract_finds_a_search_that_leaves_the_bounds_or_the_effect() -> None:

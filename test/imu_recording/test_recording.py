@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,24 @@ def test_rows_take_every_track_alike() -> None:
         for name, column in arrays(part).items():
             assert np.array_equal(column, whole[name][selection], equal_nan=True), name
     assert part.device == recording.device
+
+
+def test_a_summary_is_plain_and_shows_as_a_table() -> None:
+    recording = replace(make_recording(50), device='<a & b>', run='')
+    told = recording.to_dict()
+    assert json.loads(json.dumps(told)) == told
+    assert (told['device'], told['rows']) == ('<a & b>', 50)
+    assert told['duration_s'] == recording.time[-1]
+    assert told['rate_hz'] == pytest.approx(49 / recording.time[-1])
+    assert 'setpoint' in told['channels']
+    assert 'setpoint' not in replace(recording, setpoint=None).to_dict()['channels']
+    page = recording._repr_html_()
+    assert page.count('<tr>') == len(told)
+    assert '&lt;a &amp; b&gt;' in page
+    assert '<th>run</th><td>–</td>' in page
+    empty = recording.rows(slice(0, 0))
+    assert (empty.to_dict()['duration_s'], empty.to_dict()['rate_hz']) == (0.0, None)
+    assert '<th>rate_hz</th><td>–</td>' in empty._repr_html_()
 
 
 def test_time_is_exact_where_epoch_seconds_are_not() -> None:

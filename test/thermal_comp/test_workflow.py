@@ -89,6 +89,17 @@ def test_effects_may_be_names_classes_or_values(recordings: list[ImuRecording]) 
         assert names == ['bias_temperature', 'thermal_lag']
 
 
+def test_fit_takes_names_from_the_catalogue_it_is_given(recordings: list[ImuRecording]) -> None:
+    own = type('OwnLag', (EFFECTS['thermal_lag'],), {'name': 'own_lag'})
+    catalogue = {**EFFECTS, 'own_lag': own}
+    names = ['bias_temperature', 'own_lag']
+    for given in (names, {'accelerometer': names}):
+        model = tc.fit(recordings, given, catalogue=catalogue)
+        assert [type(e) for e in model.sensors['accelerometer'].effects][1] is own
+    with pytest.raises(UserError, match="'own_lag' is not known"):
+        tc.fit(recordings, names)
+
+
 def test_bags_are_read_by_path_and_by_glob(bags: Path) -> None:
     one, *_ = tc.read(bags / 'hidden_effect_x')
     three = tc.read(str(bags / 'hidden_effect_?'))

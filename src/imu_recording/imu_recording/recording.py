@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TypeAlias
+from html import escape
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,21 +156,46 @@ class ImuRecording:
 
     def __repr__(self) -> str:
         """Return what was recorded, in a line: device, run, samples, span, tracks."""
-        n, span = len(self), float(self.time[-1]) if len(self) else 0.0
-        rate = f' at {(n - 1) / span:.4g} Hz' if span > 0.0 else ''
+        told = self.to_dict()
+        rate = f' at {told["rate_hz"]:.4g} Hz' if told['rate_hz'] else ''
         known = self.temperature[np.isfinite(self.temperature)]
         warmth = f', die {known.min():.1f} … {known.max():.1f} °C' if len(known) else ''
-        further = [
-            item.name
-            for item in fields(self)
-            if item.default is None and getattr(self, item.name) is not None
-        ]
         return (
             f'ImuRecording({self.device or "device not named"}, '
             f'{self.run or self.source or "run not named"}'
-            f'{", " + self.up_axis + " up" if self.up_axis else ""}: {n} samples{rate}, '
-            f'{span / 3600.0:.3g} h{warmth}; {", ".join(further) or "no further track"})'
+            f'{", " + self.up_axis + " up" if self.up_axis else ""}: {len(self)} samples{rate}, '
+            f'{told["duration_s"] / 3600.0:.3g} h{warmth}; '
+            f'{", ".join(told["channels"]) or "no further track"})'
         )
+
+    def _repr_html_(self) -> str:
+        """Return what was recorded as a table for a notebook."""
+        rows = ''.join(
+            f'<tr><th>{escape(name)}</th><td>{escape(_shown(value))}</td></tr>'
+            for name, value in self.to_dict().items()
+        )
+        return f'<b>ImuRecording</b><table><tbody>{rows}</tbody></table>'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a summary in plain values: device, run, up axis, rows, span, rate, channels.
+
+        `rate_hz` is None where fewer than two rows make none; `channels` are the tracks that were
+        logged beside the three sensors and the die temperature.
+        """
+        rows, span = len(self), float(self.time[-1]) if len(self) else 0.0
+        return {
+            'device': self.device,
+            'run': self.run,
+            'up_axis': self.up_axis,
+            'rows': rows,
+            'duration_s': span,
+            'rate_hz': (rows - 1) / span if span > 0.0 else None,
+            'channels': [
+                item.name
+                for item in fields(self)
+                if item.default is None and getattr(self, item.name) is not None
+            ],
+        }
 
     @property
     def time(self) -> FloatArray:
@@ -191,6 +217,14 @@ class ImuRecording:
     def with_notes(self, *notes: str) -> ImuRecording:
         """Return the recording with further notes."""
         return replace(self, notes=self.notes + notes)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        value = ', '.join(value)
+    if value is None or value == '':
+        return '–'
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
 
 
 _SHAPES: dict[str, tuple[int, ...]] = {

@@ -13,10 +13,10 @@ From bags to a better model and a picture of the error it removes:
 True
 >>> picture = better.plot()
 
-Results print as text, show as tables in a notebook, and have `to_dict()` and, but for a recording,
-`plot()`. The parts of these functions are in the subpackages: `effects`, `data`, `noise`,
-`linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`, `compensation`, `still`,
-`presentation`.
+Results print as text, show as tables in a notebook, and have `to_dict()` and `plot()`; so has each
+recording of `read`, but for `plot()`. The parts of these functions are in the subpackages:
+`effects`, `data`, `noise`, `linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`,
+`compensation`, `still`, `presentation`.
 """
 
 import os

@@ -71,24 +71,26 @@ def fit(
     effects: EffectList | Mapping[Sensor, EffectList] = LINE,
     *,
     pooled: bool = False,
+    catalogue: Mapping[str, type[Effect]] = EFFECTS,
 ) -> ThermalModel:
     """Return the thermal model of these effects that fits the recordings of one device best.
 
     `effects` is one list for all sensors (each takes those that act on it), or one per sensor.
-    `pooled` fits one set of coefficients to several devices.
+    `pooled` fits one set of coefficients to several devices. `catalogue` holds the effects that
+    may be named; `thermal_comp.effects.user_effects` adds files.
     """
     chosen: Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
     if isinstance(effects, Mapping):
-        chosen = {sensor: _effects(listed) for sensor, listed in effects.items()}
+        chosen = {sensor: _effects(listed, catalogue) for sensor, listed in effects.items()}
     else:
-        chosen = _effects(effects)
+        chosen = _effects(effects, catalogue)
     return fit_recordings(chosen, _recordings(recordings), pooled=pooled)
 
 
 def compare(recordings: Recordings, model: ThermalModel | None = None) -> Comparison:
     """Return measured against modelled error per axis: rms, held out, noise floor, where."""
     runs = prepare(_recordings(recordings, model))
-    return compare_prepared(model or fit_prepared(_effects(LINE), runs), runs)
+    return compare_prepared(model or fit_prepared([LINE()], runs), runs)
 
 
 def diagnose(
@@ -187,17 +189,17 @@ def _recordings(given: Recordings, model: ThermalModel | None = None) -> list[Im
     return recordings
 
 
-def _effects(given: EffectList) -> list[Effect]:
+def _effects(given: EffectList, catalogue: Mapping[str, type[Effect]]) -> list[Effect]:
     listed = [given] if isinstance(given, str | Effect | type) else list(given)
-    return [_effect(item) for item in listed]
+    return [_effect(item, catalogue) for item in listed]
 
 
-def _effect(given: EffectLike) -> Effect:
+def _effect(given: EffectLike, catalogue: Mapping[str, type[Effect]]) -> Effect:
     if isinstance(given, str):
-        if given not in EFFECTS:
-            near = did_you_mean(given, EFFECTS)
-            raise ModelError(f'effect {given!r} is not known{near}; known: {", ".join(EFFECTS)}')
-        return EFFECTS[given]()
+        if given not in catalogue:
+            near = did_you_mean(given, catalogue)
+            raise ModelError(f'effect {given!r} is not known{near}; known: {", ".join(catalogue)}')
+        return catalogue[given]()
     return given() if isinstance(given, type) else given
 
 

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from imu_workbench.__main__ import main
 from imu_workbench.fleet import engine
+from imu_workbench.fleet.table import FleetTable
+
+from .asking import OWN
 
 
 @pytest.mark.end_to_end
@@ -30,6 +33,16 @@ def test_the_verb_starts_workers_and_writes_the_page(fleet_bags: Path, tmp_path:
     assert '<title>Fleet</title>' in (out / 'report.html').read_text()
 
 
+@pytest.mark.end_to_end
+def test_workers_try_an_effect_of_the_users_own(fleet_bags: Path, tmp_path: Path) -> None:
+    effect, out = tmp_path / 'rhythm.py', tmp_path / 'out'
+    effect.write_text(OWN)
+    call = ['fleet', f'{fleet_bags}/lot=B', '-o', str(out), '--workers', '1']
+    assert main([*call, '--effects', str(effect)]) == 0
+    tried = "SELECT DISTINCT effect FROM results WHERE role = 'candidate'"
+    assert ('daily_rhythm',) in FleetTable(out).rows(tried)
+
+
 def test_mistakes_are_one_line(
     fleet_bags: Path,
     tmp_path: Path,
@@ -45,6 +58,9 @@ def test_mistakes_are_one_line(
     for option, value in (('--workers', '0'), ('--memory', 'lots'), ('--memory', '5')):
         assert main([*call, option, value]) == 2
         assert f'{option} {value}' in capsys.readouterr().err
+    absent = tmp_path / 'absent.py'
+    assert main([*call, '--effects', str(absent)]) == 2
+    assert f'{absent}: no such file' in capsys.readouterr().err
     monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())
     monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
     assert main(call) == 2

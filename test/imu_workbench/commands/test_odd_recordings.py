@@ -2,7 +2,7 @@
 """Whatever a recording is like, every verb answers or says in one line why it cannot.
 
 Every odd recording meets one of the verbs and every verb some of the recordings. Each with each,
-the whole catalogue and many random recordings: `ODD_RECORDINGS=all pytest …`, half an hour.
+the whole catalogue and many random recordings: `make test-odd`, more than half an hour.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from imu_workbench.__main__ import main
 from imu_workbench.answer import CHECK_FAILED
+from imu_workbench.fleet.engine import Cluster
 from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import design_experiment
 
@@ -188,9 +189,23 @@ VERBS: dict[str, tuple[str, ...]] = {
     'apply': ('apply', '--model', 'model.yaml', '-o', 'applied'),
     'orient': ('orient', '--model', 'model.yaml', '--preset', 'robust', '--six-axis'),
     'report with a model': ('report', '--model', 'model.yaml', '-o', 'other.html'),
+    'compare --across': ('compare', '--across'),
+    'export to C': ('export', 'model.yaml', '--to', 'c99', '-o', 'c_code'),
+    'export to PX4': ('export', 'model.yaml', '--to', 'px4', '-o', 'board.params'),
+    'second-opinion': ('second-opinion', '--autopilot', 'ardupilot'),
+    'still': ('still', '--bags', 'rests', '-o', 'still.yaml'),
+    'fleet': ('fleet', '-o', 'fleet_out', '--workers', '1'),
+    'next-experiment': (
+        *('next-experiment', 'thermal_lag', 'bias_step', '--hours', '9'),
+        *('--model', 'model.yaml', '-o', 'next.yaml'),
+    ),
 }
-"""Arguments of what takes recordings; files stand in the folder of the test."""
-RIVALS = ('next-experiment', 'thermal_lag', 'bias_step', '--hours', '9')
+"""Arguments of what takes recordings or their model; files stand in the folder of the test."""
+FOLDERS = ('applied', 'c_code', 'rests', 'fleet_out')
+"""Folders among the arguments; every other file has a dot in its name."""
+BEFORE_BAGS = {'add': 1, 'export': 1}
+"""How many arguments of a verb come before the bags."""
+WITHOUT_BAGS = ('next-experiment',)
 
 
 @pytest.fixture(scope='module')
@@ -201,12 +216,14 @@ def whole(run: Callable[..., ImuRecording]) -> list[ImuRecording]:
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Search some effects instead of all, and a plan not for long."""
+    """Search some effects instead of all, a plan not for long, a fleet in this process."""
     if not ALL:
         chosen = {name: EFFECTS[name] for name in FEW}
         monkeypatch.setattr('thermal_comp.effects.user_effects.EFFECTS', chosen)
     quick = partial(design_experiment, evaluations=2)
     monkeypatch.setattr('imu_workbench.commands.next_experiment.design_experiment', quick)
+    here = partial(Cluster, processes=False)
+    monkeypatch.setattr('imu_workbench.fleet.engine.Cluster', here)
 
 
 def answered(argv: Sequence[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> bool:
@@ -214,7 +231,7 @@ def answered(argv: Sequence[str], folder: Path, capsys: pytest.CaptureFixture[st
 
     A model that is worse than a line is an answer that is not saved.
     """
-    here = [str(folder / word) if '.' in word or word == 'applied' else word for word in argv]
+    here = [str(folder / word) if '.' in word or word in FOLDERS else word for word in argv]
     capsys.readouterr()
     code = main([*here, '--json', str(folder / 'answer.json')])
     said = capsys.readouterr()
@@ -239,10 +256,9 @@ def check(
     for verb in verbs:
         name, *arguments = VERBS[verb]
         if fitted or 'model.yaml' not in arguments:
-            place = 1 if name == 'add' else 0
-            answered([name, *arguments[:place], *bags, *arguments[place:]], folder, capsys)
-    if fitted and 'apply' in verbs:
-        answered([*RIVALS, '--model', 'model.yaml', '-o', 'next.yaml'], folder, capsys)
+            place = BEFORE_BAGS.get(name, 0)
+            taken = [] if name in WITHOUT_BAGS else bags
+            answered([name, *arguments[:place], *taken, *arguments[place:]], folder, capsys)
 
 
 def changed(recording: ImuRecording, changes: Sequence[Change]) -> ImuRecording:

@@ -24,3 +24,12 @@ def test_reproduce_replaces_no_report_unasked(
     assert main(['reproduce', 'paper', '-o', str(tmp_path)]) == 2
     assert 'report.html exists already' in capsys.readouterr().err
     assert main(['reproduce', 'paper', '--rate', '0', '-o', str(tmp_path / 'x')]) == 2
+
+
+def test_a_file_of_effects_that_is_not_there_is_refused_before_anything_is_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = ['reproduce', 'paper', '--effects', str(tmp_path / 'absent.py')]
+    assert main([*call, '-o', str(tmp_path / 'out')]) == 2
+    assert 'absent.py: no such file' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()

@@ -9,13 +9,18 @@ import numpy as np
 import pytest
 from imu_workbench.fleet.candidates import candidate_gains
 from thermal_comp.data.preparation import prepare
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.operators import follow
+from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit_prepared
 
 LAG_S = 150.0
 SIZE = 3e-4
 """Of the lag's error on x [rad/s/K]."""
+
+
+CATALOGUE = {**EFFECTS, 'own_lag': type('OwnLag', (ThermalLag,), {'name': 'own_lag'})}
 
 
 @pytest.fixture(scope='module')
@@ -27,7 +32,7 @@ def found(run):
     line = fit_prepared([BiasTemperature()], prepare([recording]))
     noise = line.sensors['gyroscope'].noise
     assert noise is not None
-    tried = candidate_gains(runs, 'gyroscope', noise, BiasTemperature())
+    tried = candidate_gains(runs, 'gyroscope', noise, BiasTemperature(), CATALOGUE)
     return {one.effect: one for one in tried}
 
 
@@ -45,6 +50,12 @@ def test_on_axes_of_noise_alone_it_takes_up_its_degrees_of_freedom(found) -> Non
     left = found['thermal_lag'].delta_chi2[:, 1:]
     assert left.max() < 15.0  # χ² with one degree of freedom, in any form
     assert found['thermal_lag'].delta_chi2[:, 0].max() > 1000.0
+
+
+def test_an_effect_of_the_users_own_is_tried_as_that_of_the_catalogue(found) -> None:
+    own, shipped = found['own_lag'], found['thermal_lag']
+    assert own.shapes == shipped.shapes
+    np.testing.assert_array_equal(own.coefficients, shipped.coefficients)
 
 
 def test_shared_or_unlogged_effects_are_not_tried(found) -> None:

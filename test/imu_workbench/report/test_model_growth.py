@@ -2,17 +2,20 @@
 """A growing model names what was hidden, in ten lines at most, with errors in degrees too."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from imu_workbench.report.html.diagnosis import growth_section
 from imu_workbench.report.model_growth import ModelGrowthTask
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.temperature_rate import TemperatureRate
 
 from imu_recording import write_bag
 
 
 @pytest.fixture(scope='module')
-def growth(run, tmp_path_factory: pytest.TempPathFactory):
+def bag(run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A device whose accelerometer also feels how fast the temperature changes."""
     folder = tmp_path_factory.mktemp('growth')
     recording = run(rate_hz=0.2)
@@ -20,7 +23,20 @@ def growth(run, tmp_path_factory: pytest.TempPathFactory):
     error = 0.2 * np.outer(rate, [1.0, -0.7, 0.5])
     moved = replace(recording, linear_acceleration=recording.linear_acceleration + error)
     write_bag(moved, folder / 'z')
-    return ModelGrowthTask([folder / 'z']).run()
+    return folder / 'z'
+
+
+@pytest.fixture(scope='module')
+def growth(bag: Path):
+    return ModelGrowthTask([bag]).run()
+
+
+def test_an_effect_of_the_users_own_is_named(bag: Path) -> None:
+    own = type('OwnRate', (TemperatureRate,), {'name': 'own_rate'})
+    catalogue = {'bias_temperature': BiasTemperature, 'own_rate': own}
+    found = ModelGrowthTask([bag], catalogue).run()
+    assert [finding['name'] for finding in found['findings']] == ['own_rate']
+    assert found['steps'][0]['added'] == 'own_rate'
 
 
 def test_the_hidden_effect_is_named_and_removed(growth) -> None:

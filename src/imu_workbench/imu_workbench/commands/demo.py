@@ -15,6 +15,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import read_bag
 from imu_workbench.answer import Answer, show_progress, write_json
+from imu_workbench.commands.options import add_effects_argument
 from imu_workbench.report.content import command_line, versions
 
 HELP = 'Simulate a device, add the bundled bags, find a hidden effect; write DIR/report.html.'
@@ -37,10 +38,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=50,
         help='seed of the simulated device (default 50)',
     )
+    add_effects_argument(parser)
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, analyse, write."""
+    from thermal_comp.effects.user_effects import effect_catalogue
+
     from imu_workbench.parallel import keep_memory, start_task
     from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content
@@ -54,14 +58,17 @@ def run(options: argparse.Namespace) -> Answer:
             f'{options.bags}: no bags dut?_? and hidden_effect_? here; run from the root of the '
             'workspace, or say where they are with --bags'
         )
+    catalogue = effect_catalogue(options.effects)
     keep_memory()
     options.output.mkdir(parents=True, exist_ok=True)
     workers = os.cpu_count() or 1
-    growth_result = start_task(ModelGrowthTask(hidden), workers)
+    growth_result = start_task(ModelGrowthTask(hidden, catalogue), workers)
     show_progress(f'simulating {PROFILE} at 50 Hz …')
     simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
     bags = [read_bag(path) for path in paths]
-    analysis = analyse_recordings([replace(simulated, run=RUN), *bags], workers=workers)
+    analysis = analyse_recordings(
+        [replace(simulated, run=RUN), *bags], catalogue=catalogue, workers=workers
+    )
     growth = growth_result()
     alone = (
         f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '

@@ -11,6 +11,7 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from imu_workbench.answer import Answer, show_progress, write_json
+from imu_workbench.commands.options import add_effects_argument
 from imu_workbench.fleet.extra import require_fleet
 
 HELP = 'Estimate many devices on a cluster; what they share, which are odd; one page of it.'
@@ -23,6 +24,8 @@ SOURCE is a bag, a case, a folder with bags or cases at any depth, a glob, a URL
 (s3://, ssh://), or a list: .txt with a source a line, .csv with the columns source, lot, type.
 Without a list the lot is the part of the path that is written lot=NAME. Bags of one device stand
 in one folder.
+Effects of --effects are tried as those of the catalogue are; with --scheduler their files stand
+under the same path on each host.
 A run that was interrupted goes on where it was; a device is estimated again where its files, the
 settings or the version have changed."""
 
@@ -64,11 +67,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--diagnose', action='store_true', help='also diagnose each device by itself (slow)'
     )
+    add_effects_argument(parser)
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Estimate what is new, then study all."""
     require_fleet()
+    from thermal_comp.effects.user_effects import effect_catalogue
+
     from imu_workbench.fleet.engine import Cluster, checked_memory, run_fleet
     from imu_workbench.fleet.estimate import EstimateSettings
     from imu_workbench.fleet.page import fleet_page
@@ -87,19 +93,20 @@ def run(options: argparse.Namespace) -> Answer:
     if options.served and not options.served.startswith(('http://', 'https://')):
         raise UserError(f'--served {options.served}: the address that `serve` prints, http://…')
     limits = read_limits(options.limits) if options.limits else None
+    catalogue = effect_catalogue(options.effects)
     show_progress('looking for bags …')
     devices = find_devices(options.sources)
     progress = run_fleet(
         devices,
         options.output,
-        EstimateSettings(options.diagnose),
+        EstimateSettings.of(options.effects, diagnose=options.diagnose),
         Cluster(options.scheduler, workers, memory),
         clock=time.time_ns,
         report=show_progress,
     )
     done = f'{progress.estimated} estimated, {progress.unchanged} unchanged'
     show_progress('studying the fleet …')
-    found = study(options.output, limits)
+    found = study(options.output, limits, catalogue)
     write_json(found, options.output / 'study.json')
     page = options.output / 'report.html'
     page.write_text(fleet_page(found, options.output, options.served), encoding='utf-8')

@@ -11,7 +11,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import Answer, show_progress, write_json
-from imu_workbench.commands.options import add_output_argument
+from imu_workbench.commands.options import add_effects_argument, add_output_argument
 from imu_workbench.report.content import command_line, versions
 
 HELP = "Run the paper's whole campaign, and write our Tables III–VII and Figures 4–8 beside its."
@@ -39,11 +39,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--no-attitude', action='store_true', help='leave the orientation filters out (faster)'
     )
+    add_effects_argument(parser)
     add_output_argument(parser, 'DIR', 'folder to write: report.html, report.json')
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Simulate nine runs, analyse, write the report."""
+    from thermal_comp.effects.user_effects import effect_catalogue
+
     from imu_workbench.parallel import keep_memory
     from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content
@@ -54,11 +57,13 @@ def run(options: argparse.Namespace) -> Answer:
     page, numbers = options.output / 'report.html', options.output / 'report.json'
     if page.exists() and not options.force:
         raise UserError(f'{page} exists already: choose another -o, or replace it with --force')
+    catalogue = effect_catalogue(options.effects)
     keep_memory()
     options.output.mkdir(parents=True, exist_ok=True)
     analysis = analyse_recordings(
         simulated_campaign(options.profile, options.rate),
         attitudes=not options.no_attitude,
+        catalogue=catalogue,
         workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')

@@ -13,6 +13,7 @@ from imu_driver.simulation.hidden import HIDEABLE
 from imu_recording.plausibility import admitted
 from imu_recording.user_error import UserError
 from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model
 from thermal_comp.model.values import ThermalModel
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     population = fleet_truth(options.folder)
     if population is not None:
-        return _fleet(population, options.fleet)
+        return _fleet(population, options.fleet, effect_catalogue(options.effects))
     if options.fleet:
         raise UserError(f'{options.folder}: no fleet was simulated here; leave --fleet away')
     truth, bags = find_truth(options.folder)
@@ -88,7 +89,9 @@ def run(options: argparse.Namespace) -> Answer:
     return Answer(content, '\n'.join(lines))
 
 
-def _fleet(truth: Mapping[str, Any], results: Path | None) -> Answer:
+def _fleet(
+    truth: Mapping[str, Any], results: Path | None, catalogue: Mapping[str, type[Effect]]
+) -> Answer:
     """Tell what the lots of a simulated fleet are made of, which devices are odd, what was found.
 
     The study of the results comes first.
@@ -98,7 +101,7 @@ def _fleet(truth: Mapping[str, Any], results: Path | None) -> Answer:
         require_fleet()
         from imu_workbench.fleet.study import study
 
-        content['score'] = score_fleet(study(results), truth)
+        content['score'] = score_fleet(study(results, catalogue=catalogue), truth)
     lines = [f'{len(truth["devices"])} devices of {len(truth["lots"])} lots']
     for lot, drawn in truth['lots'].items():
         common = '; '.join(

@@ -11,7 +11,7 @@ one shape parameter, the coefficient in each form is kept too (`statistics.shape
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,6 @@ from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis
 from thermal_comp.linear.projected_rows import ProjectedRows
@@ -51,11 +50,16 @@ class CandidateGain:
     """(forms, 3) their standard deviations."""
 
 
-def candidate_effects(runs: Sequence[PreparedRun], sensor: Sensor, base: Effect) -> list[str]:
+def candidate_effects(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    base: Effect,
+    catalogue: Mapping[str, type[Effect]],
+) -> list[str]:
     """Return effects of the device that act on each axis alone and whose channels were logged."""
     return [
         name
-        for name, effect in EFFECTS.items()
+        for name, effect in catalogue.items()
         if effect.kind == 'device'
         and effect.searched
         and not (effect.coupled or effect.per_run)
@@ -67,7 +71,11 @@ def candidate_effects(runs: Sequence[PreparedRun], sensor: Sensor, base: Effect)
 
 
 def candidate_gains(
-    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel, base: Effect
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    noise: NoiseModel,
+    base: Effect,
+    catalogue: Mapping[str, type[Effect]],
 ) -> list[CandidateGain]:
     """Return the gain of every candidate; one whose axes share coefficients is left out."""
     valid = [np.isfinite(run.measured[sensor]).all(axis=1) for run in runs]
@@ -85,9 +93,9 @@ def candidate_gains(
     values = [run.measured[sensor][ok] for run, ok in zip(runs, valid, strict=True)]
     measured = rows.projected(np.concatenate(values)[:, :, None], 0.0)[0][:, :, 0]
     found = []
-    for name in candidate_effects(runs, sensor, base):
+    for name in candidate_effects(runs, sensor, base, catalogue):
         forms, taken = [], []
-        for form in EFFECTS[name].shape_grid(GRID_POINTS):
+        for form in catalogue[name].shape_grid(GRID_POINTS):
             own, shared = _columns(runs, valid, sensor, form)
             if shared:
                 break

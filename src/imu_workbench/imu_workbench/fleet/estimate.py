@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -25,6 +25,8 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.user_effects import EffectError, effect_catalogue, effects_hash
 from thermal_comp.fitting.fit import fit_prepared, package_version
 from thermal_comp.model.values import SensorModel, ThermalModel
 
@@ -48,18 +50,46 @@ class EstimateSettings:
 
     diagnose: bool = False
     """Also diagnose each device by itself."""
+    effects: tuple[str, ...] = ()
+    """Paths of files and folders with a user's effects, the same on every host."""
+    effects_hash: str = ''
+    """SHA-256 of those files when the run began; '' without any."""
     schema: int = SCHEMA
+
+    @classmethod
+    def of(cls, effects: Sequence[Path] = (), *, diagnose: bool = False) -> EstimateSettings:
+        """Return the settings with these files and folders of a user's effects."""
+        paths = tuple(str(path.resolve()) for path in effects)
+        return cls(diagnose, paths, effects_hash(paths) if paths else '')
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the settings."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of the settings; of effects their code, wherever it stands, not the paths."""
+        settings = asdict(self)
+        del settings['effects']
+        if not self.effects:
+            del settings['effects_hash']
+        return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
 
 @cache
 def version() -> str:
     """Return the version of the package that estimates."""
     return package_version()
+
+
+def _catalogue(settings: EstimateSettings) -> Mapping[str, type[Effect]]:
+    if not settings.effects:
+        return effect_catalogue()
+    return _with_files(settings.effects, settings.effects_hash)
+
+
+@cache
+def _with_files(files: tuple[str, ...], expected_hash: str) -> Mapping[str, type[Effect]]:
+    """Return the catalogue with the effects of files, which a worker checks once."""
+    if effects_hash(files) != expected_hash:
+        raise EffectError(f'{", ".join(files)}: not what it was when the run began, on this host')
+    return effect_catalogue(files)
 
 
 def estimate_device(source: DeviceSource, settings: EstimateSettings) -> list[ResultRow]:
@@ -70,7 +100,9 @@ def estimate_device(source: DeviceSource, settings: EstimateSettings) -> list[Re
         device = source.device or recordings[0].device or Path(source.key.split('#')[0]).name
         digest = hashlib.sha256(''.join(columns_hash(r) for r in recordings).encode()).hexdigest()
     except Exception as error:  # noqa: BLE001 (one device in thousands never ends the run)
-        elsewhere = isinstance(error, OSError) or isinstance(error.__context__, OSError)
+        elsewhere = any(
+            isinstance(one, OSError | EffectError) for one in (error, error.__context__)
+        )
         return [failed_row(source, settings, reason(error), again=elsewhere)]
     identity = _identity(source, settings, device, digest)
     return [{**row, **identity} for row in rows]
@@ -129,6 +161,7 @@ def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -
     named = {recording.device for recording in recordings if recording.device}
     if len(named) > 1:
         raise RecordingError(f'its bags name several devices: {", ".join(sorted(named))}')
+    catalogue = _catalogue(settings)
     runs = prepare(recordings)
     model = fit_prepared([LINE], runs)
     comparison = compare_prepared(model, runs)
@@ -139,9 +172,9 @@ def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -
         part = model.sensors[sensor]
         fitted = _fitted_rows(sensor, part, runs, alone, comparison)
         rows += [{**row, 'measured_at': int(recordings[0].stamp[0])} for row in fitted]
-        rows += _candidate_rows(sensor, part, runs)
+        rows += _candidate_rows(sensor, part, runs, catalogue)
     if settings.diagnose:
-        rows += _diagnosed_rows(recordings, model)
+        rows += _diagnosed_rows(recordings, model, catalogue)
     return rows
 
 
@@ -212,7 +245,10 @@ def block_means(
 
 
 def _candidate_rows(
-    sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]
+    sensor: Sensor,
+    part: SensorModel,
+    runs: Sequence[PreparedRun],
+    catalogue: Mapping[str, type[Effect]],
 ) -> list[ResultRow]:
     """Return a row per effect and axis: what each of its forms would take up."""
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
@@ -229,7 +265,7 @@ def _candidate_rows(
             'coefficients': _of_axis(found.coefficients, a),
             'std': _of_axis(found.std, a),
         }
-        for found in candidate_gains(runs, sensor, part.noise, LINE)
+        for found in candidate_gains(runs, sensor, part.noise, LINE, catalogue)
         for a, axis in enumerate(AXES)
     ]
 
@@ -238,8 +274,12 @@ def _of_axis(values: FloatArray | None, axis: int) -> list[float] | None:
     return None if values is None else [float(value) for value in values[:, axis]]
 
 
-def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[ResultRow]:
-    found = diagnose(recordings, model)
+def _diagnosed_rows(
+    recordings: Sequence[ImuRecording],
+    model: ThermalModel,
+    catalogue: Mapping[str, type[Effect]],
+) -> list[ResultRow]:
+    found = diagnose(recordings, model, catalogue=catalogue)
     return [
         {
             'sensor': finding.sensor,

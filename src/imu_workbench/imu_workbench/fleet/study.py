@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from imu_recording.user_error import UserError
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
 
 from imu_workbench.fleet.estimate import version
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
@@ -31,10 +34,15 @@ from imu_workbench.report.limits import CoefficientLimits
 SCHEMA = 1
 
 
-def study(folder: Path, limits: CoefficientLimits | None = None) -> dict[str, Any]:
+def study(
+    folder: Path,
+    limits: CoefficientLimits | None = None,
+    catalogue: Mapping[str, type[Effect]] = EFFECTS,
+) -> dict[str, Any]:
     """Return populations, odd devices, clusters, prevalence, control charts and failures.
 
-    With `limits`: the capability of each lot to keep them.
+    With `limits`: the capability of each lot to keep them. `catalogue` holds the effects that the
+    devices were tried for.
     """
     table = FleetTable(folder)
     sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
@@ -48,7 +56,7 @@ def study(folder: Path, limits: CoefficientLimits | None = None) -> dict[str, An
     described = [_population(one, sensors) for one in lots]
     left_out = {(one.device, one.sensor) for one in odd}
     effects = prevalences(table, left_out)
-    shapes = shape_populations(table, [one for one in effects if one.named], left_out)
+    shapes = shape_populations(table, [one for one in effects if one.named], catalogue, left_out)
     return {
         'schema': SCHEMA,
         'devices': int(table.rows('SELECT count(DISTINCT source) FROM results')[0][0]),

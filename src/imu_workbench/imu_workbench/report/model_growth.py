@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from thermal_comp.diagnosis.diagnose import Settings, diagnose_prepared
 from thermal_comp.diagnosis.growth import MOST_STEPS, Growth, add_effect
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
@@ -36,6 +37,8 @@ class ModelGrowthTask:
     """The bags of one device whose model is to grow until nothing is missing."""
 
     bags: Sequence[Path]
+    catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: EFFECTS)
+    """Effects that may be missing."""
 
     @property
     def label(self) -> str:
@@ -52,7 +55,7 @@ class ModelGrowthTask:
         recordings = [read_bag(bag) for bag in self.bags]
         runs = prepare(check_quality(recordings)[0])
         line = fit_prepared([BiasTemperature()], runs)
-        grown = list(_grown(line, runs))
+        grown = list(_grown(line, runs, self.catalogue))
         model = grown[-1][1].model if grown else line
         attitudes = [
             row | {'run': recording.run, 'interpolated': is_slow(recording)}
@@ -74,10 +77,10 @@ class ModelGrowthTask:
 
 
 def _grown(
-    line: ThermalModel, runs: Sequence[PreparedRun]
+    line: ThermalModel, runs: Sequence[PreparedRun], catalogue: Mapping[str, type[Effect]]
 ) -> Iterator[tuple[dict[str, Any], Growth]]:
     """Yield each missing effect and the model with it, until none is missing."""
-    model, settings = line, Settings(EFFECTS)
+    model, settings = line, Settings(catalogue)
     for _ in range(MOST_STEPS):
         findings = diagnose_prepared(runs, model, settings).to_dict()['findings']
         found = next((f for f in findings if f['kind'] == 'effect'), None)

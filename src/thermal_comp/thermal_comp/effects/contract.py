@@ -25,6 +25,19 @@ CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 """Rows at which the example is cut into pieces."""
 RELATIONS = ('look_alikes', 'separated_by_cycles')
 """Attributes that name other effects."""
+FLAGS = (
+    'coupled',
+    'per_run',
+    'searched',
+    'temperature_coefficient',
+    'names_cause',
+    'bends',
+    'first_order',
+    'repeatable',
+    'temperature_only',
+    'time_only',
+)
+"""Attributes that are True or False."""
 LARGEST_GROWTH_RATIO = 20.0
 """Ratio of columns at a hundred and at ten times a temperature above which an effect bends."""
 USER_MODULES = 'user_effects_'
@@ -52,13 +65,18 @@ def check_effect(
     >>> check_effect(EFFECTS['thermal_lag'], explained=True)
     []
     """
-    problems = _problems_of_the_description(effect) + _problems_of_the_relations(effect, known)
+    problems = (
+        _problems_of_the_description(effect)
+        + _problems_of_the_relations(effect, known)
+        + _problems_of_the_hints(effect)
+    )
     if explained:
         problems += [f'{text} is empty' for text in EXPLAINED_BY if not getattr(effect, text)]
     if not problems:
         try:
             instance = effect()
             problems += _problems_of_the_shape(instance) + _problems_of_the_search(effect)
+            problems += _problems_of_the_guess(effect)
             for sensor in effect.sensors:
                 problems += _problems_of_the_columns(instance, sensor)
         except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the effect's own code does)
@@ -171,6 +189,43 @@ def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> 
     return problems
 
 
+def _problems_of_the_hints(effect: type[Effect]) -> list[str]:
+    """Return what cannot be in the attributes that search and diagnosis go by."""
+    problems = [
+        f'{flag} is {getattr(effect, flag)!r}, expected True or False'
+        for flag in FLAGS
+        if not isinstance(getattr(effect, flag), bool)
+    ]
+    ratio = effect.least_ratio
+    if not isinstance(ratio, int | float) or not 0.0 <= ratio < np.inf:
+        problems.append(f'least_ratio is {ratio!r}, expected a number from 0 on')
+    if not isinstance(effect.separating_action, str):
+        problems.append(f'separating_action is {effect.separating_action!r}, expected a text')
+    guessed = effect.guessed_channel
+    if guessed and guessed not in CHANNELS:
+        problems.append(f'guessed_channel {guessed!r} is none of {sorted(CHANNELS)}')
+    if guessed and guessed in effect.channels:
+        problems.append(f'guessed_channel {guessed!r} is among the channels it needs, too')
+    if effect.first_order is True and not any(
+        f.metadata.get('unit') == 's' for f in fields(effect)
+    ):
+        problems.append('is first_order, but has no time constant: no shape parameter in s')
+    return problems
+
+
+def _problems_of_the_guess(effect: type[Effect]) -> list[str]:
+    """Return what is wrong with the effect that stands in where a channel was not logged."""
+    guess = effect.guess()
+    if guess is None:
+        return []
+    if not (isinstance(guess, type) and issubclass(guess, Effect)):
+        return [f'guess gives {guess!r}, expected the class of an effect']
+    channel = guess.guessed_channel
+    if channel in effect.channels:
+        return []
+    return [f'guess: {guess.name} guesses the channel {channel!r}, which is none of its channels']
+
+
 def _problems_of_the_search(effect: type[Effect]) -> list[str]:
     """Every form a search tries is the effect within its bounds; its parts make up its columns."""
     tried = effect.search_grid(CAMPAIGN) if effect.searched else []
@@ -197,8 +252,19 @@ def _problems_of_the_search(effect: type[Effect]) -> list[str]:
 
 
 def _problems_of_the_shape(effect: Effect) -> list[str]:
+    """Return what is wrong with one form of the effect, whatever the conditions are."""
     same = replace(effect)
-    return [] if same == effect and hash(same) == hash(effect) else ['two equal ones differ']
+    problems = []
+    if same != effect or hash(same) != hash(effect):
+        problems.append('two equal ones differ')
+    if effect.live_forms()[:1] != (effect,):
+        problems.append('live_forms: the first is not the form itself')
+    if effect.repeatable and not effect.occurrences:
+        problems.append('is repeatable, but occurrences is empty')
+    frequency = effect.line_frequency
+    if frequency is not None and not 0.0 <= frequency < np.inf:
+        problems.append(f'line_frequency is {frequency}, expected None or a number from 0 on [Hz]')
+    return problems
 
 
 def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
@@ -222,11 +288,23 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
             )
             break
     problems += _problems_of_the_c_form(effect, sensor, whole)
+    hindsight = effect.columns_in_hindsight(conditions)
+    if np.shape(hindsight) != whole.shape:
+        problems.append(
+            f'columns_in_hindsight have shape {np.shape(hindsight)}, columns {whole.shape}'
+        )
+    deviations = effect.coefficient_deviations()
+    if deviations is not None and np.shape(deviations) != (whole.shape[-1], 3):
+        problems.append(
+            f'coefficient_deviations have shape {np.shape(deviations)}, '
+            f'expected ({whole.shape[-1]}, 3)'
+        )
     return [
         *problems,
         *_problems_without_channels(effect, conditions),
         *_problems_far_out(effect),
         *_problems_of_temperature_alone(effect, conditions),
+        *_problems_of_time_alone(effect, conditions),
     ]
 
 
@@ -276,6 +354,15 @@ def _problems_of_temperature_alone(effect: Effect, conditions: Conditions) -> li
     columns, state = effect.columns(conditions)
     alike = state is None and np.array_equal(columns, effect.columns(elsewhere)[0])
     return [] if alike else ['columns depend on more than temperature_only says']
+
+
+def _problems_of_time_alone(effect: Effect, conditions: Conditions) -> list[str]:
+    """Columns said to depend on time alone are the same at another temperature."""
+    if not effect.time_only:
+        return []
+    warmer = replace(conditions, temperature=40.0 - 0.5 * conditions.temperature)
+    alike = np.array_equal(effect.columns(conditions)[0], effect.columns(warmer)[0])
+    return [] if alike else ['columns depend on more than time_only says']
 
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:

@@ -65,6 +65,17 @@ def source_of(effect: Effect | type[Effect]) -> dict[str, str] | None:
     return {'module': file.name, 'sha256': hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
 
 
+def effects_hash(files: Sequence[str | Path]) -> str:
+    """Return the SHA-256 of the code in files of effects, those of a folder in order."""
+    digest = hashlib.sha256()
+    for file in _listed(files):
+        try:
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+        except OSError as error:
+            raise EffectError(f'{file}: cannot be read: {error.strerror}') from None
+    return digest.hexdigest()
+
+
 def effects_in_file(file: str | Path) -> list[type[Effect]]:
     """Return the Effect classes that a Python file defines."""
     path = Path(file)

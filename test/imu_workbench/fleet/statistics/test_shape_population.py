@@ -89,6 +89,7 @@ def test_page_and_terminal_tell_the_time_constant_of_a_lot(tmp_path: Path) -> No
         for a, axis in enumerate('xyz')
     ]  # fmt: skip
     write_rows(tmp_path, rows, 1)
+    assert study(tmp_path, catalogue={})['shapes'] == []  # the file of an effect was not given
     found = study(tmp_path)
     (one,) = found['shapes']
     assert one['median_range'][0] < 300.0 < one['median_range'][1]

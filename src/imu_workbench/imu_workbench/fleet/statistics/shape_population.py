@@ -15,13 +15,13 @@ inverse of the sum of squared scores of the devices (Berndt, Hall, Hall and Haus
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
-from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
 
 from imu_workbench.fleet.statistics.prevalence import Prevalence
 from imu_workbench.fleet.table import FleetTable
@@ -182,19 +182,23 @@ def _step(
 
 
 def shape_populations(
-    table: FleetTable, named: Iterable[Prevalence], odd: Collection[tuple[str, str]] = ()
+    table: FleetTable,
+    named: Iterable[Prevalence],
+    catalogue: Mapping[str, type[Effect]],
+    odd: Collection[tuple[str, str]] = (),
 ) -> list[ShapePopulation]:
     """Return the distribution of each effect that is named in a lot and has a shape parameter.
 
-    `odd` (device, sensor) are left out, as in its prevalence.
+    `odd` (device, sensor) are left out, as in its prevalence; so is an effect that is not in the
+    catalogue, such as one of a file that an earlier run was given and this one is not.
     """
     found = []
-    for one in named:
+    for one in (one for one in named if one.effect in catalogue):
         evidence = _evidence(table, one, odd)
         if evidence is None or one.share * len(evidence.coefficients) < LEAST_DEVICES:
             continue
         fit = fit_shapes(evidence, one.share)
-        effect = EFFECTS[one.effect]
+        effect = catalogue[one.effect]
         (parameter,) = fields(effect())
         found.append(
             ShapePopulation(
