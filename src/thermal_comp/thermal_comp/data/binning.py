@@ -89,4 +89,4 @@ def update_vibration(
         edges = np.array([0, len(state.samples)])
         samples = np.array(state.samples)
         variance = tuple(bin_variances(samples, edges, bin_means(samples, edges)[0])[0].tolist())
-    return VibrationState(interval, (acceleration,), variance)
+    return VibrationState(interval=interval, samples=(acceleration,), variance=variance)

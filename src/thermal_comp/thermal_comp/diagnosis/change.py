@@ -21,7 +21,7 @@ from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-CHANCE = 1e-6
+LARGEST_CHANCE = 1e-6
 """Probability with which chance alone changes the coefficients of one effect so much."""
 LEAST_SHARE = 0.25
 """Change of the modelled error, in noise floors of a block, below which nothing is said."""
@@ -69,7 +69,7 @@ def _changed(
     difference = (new - old).ravel()
     wald = float(difference @ weight @ difference)
     share = _share(sensor, effect, after, old, new, runs, floor)
-    evident = wald > float(chdtri(difference.size, CHANCE)) or moved
+    evident = wald > float(chdtri(difference.size, LARGEST_CHANCE)) or moved
     if not evident or share < LEAST_SHARE:
         return
     power = float(old.ravel() @ weight @ old.ravel())
@@ -79,11 +79,11 @@ def _changed(
     }
     parameters |= moved
     yield Finding(
-        'changed',
-        effect.name,
-        sensor,
-        wald,
-        float(chdtri(difference.size, CHANCE)),
+        kind='changed',
+        name=effect.name,
+        sensor=sensor,
+        evidence=wald,
+        threshold=float(chdtri(difference.size, LARGEST_CHANCE)),
         unit=SENSOR_UNITS[sensor],
         parameters=parameters,
         text=f'{sensor}: {effect.name} changed since the model was fitted, × {ratio:.3g}',
@@ -104,7 +104,7 @@ def _moved_shapes(
         variance = sum(np.square(np.atleast_1d(np.asarray(s))) for s in spreads if s is not None)
         if old.shape != new.shape or not np.all(np.asarray(variance) > 0.0):
             continue
-        if float(np.sum((new - old) ** 2 / variance)) > float(chdtri(old.size, CHANCE)):
+        if float(np.sum((new - old) ** 2 / variance)) > float(chdtri(old.size, LARGEST_CHANCE)):
             unit = type(effect).__dataclass_fields__[name].metadata['unit']
             std = now.shape_std[key]
             moved[name] = {

@@ -50,12 +50,14 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     beside that: a field of the chamber that turns with the device hides how a tilt turns it.
     """
     deviation = _coefficient_deviation(effect, searched[0])
-    first = _Told.by(searched[0], effect, _beside_coupled(effect, searched[0]))
+    first = _SensorEquations.by(searched[0], effect, _beside_coupled(effect, searched[0]))
     alone = _log_weight([first], deviation)
     best = -np.inf
     for beside_kin in (False, True):
         others = [
-            _Told.by(answer, effect, _beside_coupled(effect, answer, with_kin=beside_kin))
+            _SensorEquations.by(
+                answer, effect, _beside_coupled(effect, answer, with_kin=beside_kin)
+            )
             for answer in searched[1:]
         ]
         odds = sum(one.log_odds for one in others)
@@ -65,7 +67,7 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _SensorEquations:
     """What one sensor tells of the coefficients of a coupled effect beside its own effects."""
 
     state: ConditionedDesign
@@ -77,7 +79,9 @@ class _Told:
     """ln of the odds of those own effects against what is said of the sensor."""
 
     @classmethod
-    def by(cls, answer: SensorAnswer, effect: Effect, beside: Sequence[Component]) -> _Told:
+    def by(
+        cls, answer: SensorAnswer, effect: Effect, beside: Sequence[Component]
+    ) -> _SensorEquations:
         """Return what a sensor tells beside given components."""
         hypotheses = answer.hypotheses
         term = hypotheses.design.term(effect)
@@ -97,12 +101,12 @@ class _Told:
 
     @property
     def explained(self) -> float:
-        """Δχ² of the coefficients that this sensor alone would like."""
+        """Δχ² of the coefficients that fit this sensor best."""
         inverse = np.linalg.pinv(self.normal, rcond=1e-9, hermitian=True)
         return float(self.right @ inverse @ self.right)
 
 
-def _log_weight(told: Sequence[_Told], deviation: float) -> float:
+def _log_weight(told: Sequence[_SensorEquations], deviation: float) -> float:
     """Return ln of the evidence that coefficients add, one set for all, integrated over them.
 
     By Laplace's approximation about those that are likeliest by all that is told and by their

@@ -12,9 +12,9 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.columns import per_axis
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign
 
-LEAST_LEFT = 1e-3
+LEAST_EXCITED_SHARE = 1e-3
 """Share of a column beside base model and nuisances from which these runs excite it."""
-ROUNDS = 30
+FIXED_POINT_ROUNDS = 30
 """Rounds of the fixed point for the Δχ² that is needed; it contracts by 2 and more in each."""
 
 
@@ -52,7 +52,7 @@ def _rms(
     column = int(term.columns[0])
     left = state.power([column])
     size = float(design.size_of(term)[0]) * float(np.sqrt(left))
-    if left < LEAST_LEFT or size <= 0.0:
+    if left < LEAST_EXCITED_SHARE or size <= 0.0:
         return np.inf
     coefficients = sum(len(t.columns) for t in form.terms) * (1 if term.shared else 3)
     return float(np.sqrt(_needed_gain(needed, coefficients))) / size * _size_of(hypotheses, form)
@@ -61,7 +61,7 @@ def _rms(
 def _needed_gain(needed: float, coefficients: int) -> float:
     """Return g with g − p ln(1 + g / p) = needed."""
     gain = needed
-    for _ in range(ROUNDS):
+    for _ in range(FIXED_POINT_ROUNDS):
         gain = needed + coefficients * float(np.log1p(gain / coefficients))
     return gain
 

@@ -23,7 +23,7 @@ from thermal_comp.diagnosis.findings import (
     quality_finding,
     ranked,
     ranked_effects,
-    sensor_state,
+    sensor_states,
     unnamed_findings,
 )
 from thermal_comp.diagnosis.identifiability import undecidable
@@ -102,22 +102,15 @@ def diagnose_prepared(
     """Return the diagnosis of prepared runs; the data are taken as sound."""
     check_temperature(runs)
     sensors, notes = usable_sensors(runs)
-    stored = model
-    if model is not None and not set(model.provenance.sources.values()) >= {r.hash for r in runs}:
-        model = fit_prepared({s: base_effects(model, s) for s in sensors}, runs)
-    noise, short = determined_noise(runs, {s: base_effects(model, s) for s in sensors})
-    base: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
+    refined = _refined(model, sensors, runs)
+    noise, short = determined_noise(runs, _base(refined, sensors))
+    base: Listed = _base(refined, noise)
     answers = search_sensors(runs, base, noise, settings)
     noise = noise_beside(runs, named_beside(base, answers), noise)
     fitted = fit_prepared(base, runs, noise=noise, refine=False)
     current = compare_prepared(fitted, runs, noise=noise)
     explained = _explained(runs, base, answers, noise, fitted)
-    findings: list[Finding] = []
-    if stored is not None and model is not None and stored is not model:
-        findings += changes(stored, model, runs, current)
-    for sensor, answer in answers.items():
-        findings += effect_findings(sensor, answer, current, explained)
-        findings += unnamed_findings(sensor, answer, current)
+    changed = _changed(model, refined, runs, current)
     loud = noise_findings(
         noise,
         current,
@@ -125,30 +118,61 @@ def diagnose_prepared(
         duration=sum(len(run) * run.period for run in runs),
         bandwidth_known=settings.bandwidth_known,
     )
+    lacking = [f for s, a in answers.items() for f in _lacking(s, a, current, explained)]
     return Diagnosis(
         device=current.device,
-        findings=ranked([*findings, *loud.values()]),
-        sensors={
-            s: sensor_state(
-                s,
-                answers[s],
-                current,
-                loud=s in loud,
-                changed=any(f.kind == 'changed' and f.sensor == s for f in findings),
-            )
-            for s in noise
-        },
+        findings=ranked([*changed, *lacking, *loud.values()]),
+        sensors=sensor_states(answers, current, loud, changed),
         greyed_out=greyed_out(runs, settings.catalogue),
         predictions=_predictions(base, answers, current, explained),
         undetermined=explained.undetermined,
         undecided=undecidable(runs, base, noise, settings.catalogue),
         notes=(*current.notes, *notes, *short),
-        explanations=tuple(
-            NamedExplanation(e.names, sensor, e.probability, e.approximate, e.depends_on)
-            for sensor, answer in answers.items()
-            for e in credible(answer.with_coupled)
-        ),
+        explanations=_credible_explanations(answers),
         ranking=ranked_effects(answers),
+    )
+
+
+def _refined(
+    model: ThermalModel | None, sensors: Sequence[Sensor], runs: Sequence[PreparedRun]
+) -> ThermalModel | None:
+    """Return the model with its effects fitted to these runs; itself where it comes from them."""
+    hashes = {run.hash for run in runs}
+    if model is None or set(model.provenance.sources.values()) >= hashes:
+        return model
+    return fit_prepared(_base(model, sensors), runs)
+
+
+def _base(model: ThermalModel | None, sensors: Iterable[Sensor]) -> Listed:
+    return {sensor: base_effects(model, sensor) for sensor in sensors}
+
+
+def _changed(
+    stored: ThermalModel | None,
+    refined: ThermalModel | None,
+    runs: Sequence[PreparedRun],
+    current: Comparison,
+) -> list[Finding]:
+    """Return the findings about stored coefficients that are others in these runs."""
+    if stored is None or refined is None or stored is refined:
+        return []
+    return changes(stored, refined, runs, current)
+
+
+def _lacking(
+    sensor: Sensor, answer: SensorAnswer, current: Comparison, explained: Explained
+) -> list[Finding]:
+    """Return the findings about what the model of one sensor lacks, with a name or without."""
+    named = effect_findings(sensor, answer, current, explained)
+    return [*named, *unnamed_findings(sensor, answer, current)]
+
+
+def _credible_explanations(answers: Mapping[Sensor, SensorAnswer]) -> tuple[NamedExplanation, ...]:
+    """Return the fewest explanations of each sensor that hold its probability."""
+    return tuple(
+        NamedExplanation(e.names, sensor, e.probability, e.approximate, e.depends_on)
+        for sensor, answer in answers.items()
+        for e in credible(answer.with_coupled)
     )
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import log
 
@@ -76,11 +76,11 @@ def effect_findings(
         rivals = _rivals(answer, name)
         findings.append(
             Finding(
-                'effect',
-                name,
-                label,
-                answer.evidence(name),
-                answer.needed_evidence,
+                kind='effect',
+                name=name,
+                sensor=label,
+                evidence=answer.evidence(name),
+                threshold=answer.needed_evidence,
                 probability=answer.probability_of(name),
                 ambiguous_with=tuple(rival for rival, _ in rivals[:2]),
                 error_before=rms_of(current.sensors[sensor].held_out_rms),
@@ -165,11 +165,11 @@ def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) 
         text += f' (closest together: {", ".join(tried)})'
     return [
         Finding(
-            kind,
-            None,
-            sensor,
-            answer.evidence(),
-            answer.needed_evidence,
+            kind=kind,
+            name=None,
+            sensor=sensor,
+            evidence=answer.evidence(),
+            threshold=answer.needed_evidence,
             probability=answer.probability_of(UNNAMED[kind]),
             depends_on=likeliest.depends_on,
             error_before=rms_of(before.held_out_rms),
@@ -214,11 +214,11 @@ def noise_findings(
                   'bias instability': above.flicker_ratio}  # fmt: skip
         said = ', '.join(f'{name} × {r:.2f}' for name, r in ratios.items() if r is not None)
         findings[sensor] = Finding(
-            'noise',
-            above.name,
-            sensor,
-            above.evidence,
-            REPORTED_EVIDENCE,
+            kind='noise',
+            name=above.name,
+            sensor=sensor,
+            evidence=above.evidence,
+            threshold=REPORTED_EVIDENCE,
             error_before=rms_of(state.held_out_rms),
             noise_floor=rms_of(state.noise_floor),
             unit=SENSOR_UNITS[sensor],
@@ -235,11 +235,11 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
     usual = ', as RC oscillators do; stamps hold it, no sensor fails for it' if ordinary else ''
     return [
         Finding(
-            'clock' if ordinary else 'effect',
-            'clock_temperature',
-            'all',
-            clock.evidence,
-            CLOCK_EVIDENCE,
+            kind='clock' if ordinary else 'effect',
+            name='clock_temperature',
+            sensor='all',
+            evidence=clock.evidence,
+            threshold=CLOCK_EVIDENCE,
             error_before=clock.rms_before,
             error_after=clock.rms_after,
             unit='1',
@@ -286,6 +286,22 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
     return tuple(found)
 
 
+def sensor_states(
+    answers: Mapping[Sensor, SensorAnswer],
+    current: Comparison,
+    loud: Collection[Sensor],
+    changed: Sequence[Finding],
+) -> dict[str, SensorState]:
+    """Return how each sensor stands; `loud` ones are above the reference, `changed` is found."""
+    others = {finding.sensor for finding in changed}
+    return {
+        sensor: sensor_state(
+            sensor, answer, current, loud=sensor in loud, changed=sensor in others
+        )
+        for sensor, answer in answers.items()
+    }
+
+
 def sensor_state(
     sensor: Sensor,
     answer: SensorAnswer,
@@ -309,15 +325,15 @@ def sensor_state(
         verdict = 'noise_above_reference'
     where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:LISTED_WHERE]
     return SensorState(
-        verdict,
-        tuple(map(float, compared.residual_rms)),
-        tuple(map(float, compared.held_out_rms)),
-        tuple(map(float, compared.noise_floor)),
-        SENSOR_UNITS[sensor],
-        tuple(
+        verdict=verdict,
+        residual_rms=tuple(map(float, compared.residual_rms)),
+        held_out_rms=tuple(map(float, compared.held_out_rms)),
+        noise_floor=tuple(map(float, compared.noise_floor)),
+        unit=SENSOR_UNITS[sensor],
+        where=tuple(
             {**w.group, 'ratio': float(w.ratio)} for w in where or compared.where[:LISTED_WHERE]
         ),
-        smallest_found(answer.hypotheses, answer.needed_evidence)
+        smallest_found=smallest_found(answer.hypotheses, answer.needed_evidence)
         if answer.kind == 'complete'
         else {},
     )
@@ -326,5 +342,10 @@ def sensor_state(
 def quality_finding(defect: QualityFinding) -> Finding:
     """Return a defect of the data as a finding."""
     return Finding(
-        'data_quality', defect.name, defect.sensor, defect.evidence, 0.0, text=defect.text
+        kind='data_quality',
+        name=defect.name,
+        sensor=defect.sensor,
+        evidence=defect.evidence,
+        threshold=0.0,
+        text=defect.text,
     )

@@ -207,7 +207,15 @@ def grow(
             fitted = model.succeeded_by(fitted)
         compared = compare_prepared(fitted, runs, noise=noise)
         worse = worse_than_simpler(fitted, compared, runs)
-        return Growth(fitted, compared, compared, (), (), worse, diagnosis)
+        return Growth(
+            model=fitted,
+            before=compared,
+            after=compared,
+            steps=(),
+            unneeded=(),
+            worse=worse,
+            diagnosis=diagnosis,
+        )
     growth = _judged(growth, runs, weights)
     return replace(growth, before=first, steps=tuple(steps), diagnosis=diagnosis)
 
@@ -364,7 +372,9 @@ def _grown(
         _step(before.sensors[g[0]], after.sensors[g[0]], names[g[0]], g, ambiguous_with, empirical)
         for g in groups
     )
-    return Growth((model or plain).succeeded_by(grown), before, after, steps)
+    return Growth(
+        model=(model or plain).succeeded_by(grown), before=before, after=after, steps=steps
+    )
 
 
 def _judged(
@@ -402,13 +412,13 @@ def _step(
     """Return the step the held-out error takes on the first of the sensors."""
     squares = before.held_out_squares, after.held_out_squares, after.noise_floor**2
     return Step(
-        added,
-        sensors,
-        rms_of(before.held_out_rms),
-        rms_of(after.held_out_rms),
-        rms_of(after.noise_floor),
-        ambiguous_with,
-        empirical,
+        added=added,
+        sensors=sensors,
+        error_before=rms_of(before.held_out_rms),
+        error_after=rms_of(after.held_out_rms),
+        noise_floor=rms_of(after.noise_floor),
+        ambiguous_with=ambiguous_with,
+        empirical=empirical,
         lowered=falls(*squares),
         parts=len(after.held_out_squares),
         parts_lowered=parts_that_fall(*squares),

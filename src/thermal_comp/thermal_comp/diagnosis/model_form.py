@@ -55,7 +55,7 @@ STEP_RATIOS = (2.0, 3.0)
 parameter by itself, and of two whose posterior is a joint one."""
 POINTS_PER_STEP = 16
 """Points between two values of the grid at which the posterior is summed."""
-MOST_TOGETHER = 2
+MOST_JOINT_PARAMETERS = 2
 """Shape parameters of an effect whose posterior is a joint one."""
 
 
@@ -272,7 +272,7 @@ def _together(coordinates: Sequence[ShapeCoordinate]) -> list[list[int]]:
     return [
         part
         for own in of.values()
-        for part in ([own] if len(own) <= MOST_TOGETHER else [[k] for k in own])
+        for part in ([own] if len(own) <= MOST_JOINT_PARAMETERS else [[k] for k in own])
     ]
 
 

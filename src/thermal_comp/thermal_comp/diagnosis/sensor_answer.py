@@ -21,12 +21,13 @@ from thermal_comp.diagnosis.evidence.posterior import Explanation, probability
 from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.effects.effect import Effect
 
-BELIEVED = 0.85
-"""Probability that something is missing from which it is said: a false word costs six missed."""
-DISPENSABLE = 0.5
-"""Odds from which a set that does with one effect less is said in place of the likeliest."""
+MISSING_PROBABILITY = 0.85
+"""Probability from which something is reported as missing: six missed effects cost as much as
+one false alarm."""
+FEWER_EFFECTS_ODDS = 0.5
+"""Odds to the likeliest set from which one with an effect less is reported in its place."""
 UNNAMED = {'unexplained': NOT_IN_CATALOGUE, 'unlogged': UNLOGGED}
-"""By kind of answer, what stands among the names of an explanation by something without one."""
+"""Name that stands for an unnamed cause in an explanation, by kind of answer."""
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
 
@@ -83,13 +84,13 @@ class SensorAnswer:
     @property
     def needed_evidence(self) -> float:
         """2 ln of the Bayes factor from which an effect is likelier than not to be believed."""
-        return self.hypotheses.needed_evidence(BELIEVED)
+        return self.hypotheses.needed_evidence(MISSING_PROBABILITY)
 
     @property
     def kind(self) -> Kind:
         """Kind of the answer: complete, unless it is highly probable that something is missing."""
         missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
-        if missing < BELIEVED:
+        if missing < MISSING_PROBABILITY:
             return 'complete'
         unknown, unlogged = map(self.probability_of, (NOT_IN_CATALOGUE, UNLOGGED))
         if unknown + unlogged > missing - unknown - unlogged:
@@ -117,7 +118,8 @@ class SensorAnswer:
         return tuple(
             c.form.effect
             for c in likeliest.components
-            if every or (c.name in likeliest.names and self.probability_of(c.name) > BELIEVED)
+            if every
+            or (c.name in likeliest.names and self.probability_of(c.name) > MISSING_PROBABILITY)
         )
 
     def probability_of(self, name: str) -> float:
@@ -155,4 +157,4 @@ def _with_name(names: Names, name: str) -> Names:
 def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
     """Tell whether an explanation has one effect fewer than `said` and is not much less likely."""
     less = set(fewer.names) < set(said.names) and len(fewer.names) == len(said.names) - 1
-    return less and fewer.probability > DISPENSABLE * said.probability
+    return less and fewer.probability > FEWER_EFFECTS_ODDS * said.probability

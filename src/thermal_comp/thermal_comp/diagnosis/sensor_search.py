@@ -15,7 +15,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.coupled_effects import coupled_support, with_effect
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
-from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
+from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
@@ -36,10 +36,10 @@ from thermal_comp.noise.of_runs import (
 
 SURE_OF_NOTHING = 0.95
 """Probability that a sensor lacks nothing from which it need not be asked again."""
-TOLD_DIFFERENCE = 0.5
-"""Difference of ln evidence between sets that what others tell has to make …"""
+LEAST_EVIDENCE_DIFFERENCE = 0.5
+"""Least change of the ln evidence between two sets by the other sensors' information."""
 COMPARED_SETS = 5
-"""… among so many of the likeliest."""
+"""Likeliest sets between which it is looked for."""
 CHANGED_VARIANCE_SHARE = 0.8
 """Share of its variance below which noise is another one."""
 SHARE_BEFORE, SHARE_OF_SEARCH = 0.1, 0.75
@@ -132,16 +132,18 @@ class SensorSearches:
         asked again, nor one to whose likeliest sets it makes no difference.
         """
         understood = {s for s, a in found.items() if a.kind not in UNNAMED}
-        told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()}, understood)
+        told = information_of_others(
+            {s: (a.hypotheses, a.sets) for s, a in found.items()}, understood
+        )
         again = {}
         for sensor, answer in found.items():
             nothing = probability(answer.explanations, lambda e: e.names == ())
             if sensor in told and nothing < SURE_OF_NOTHING:
                 hypotheses, likeliest = answer.hypotheses, answer.sets[:COMPARED_SETS]
-                before = [hypotheses.speaks_for(s.components) for s in likeliest]
+                before = [hypotheses.log_bayes_factor(s.components) for s in likeliest]
                 hypotheses.inform(told[sensor].normal, told[sensor].right)
-                after = [hypotheses.speaks_for(s.components) for s in likeliest]
-                if np.ptp(np.subtract(after, before)) > TOLD_DIFFERENCE:
+                after = [hypotheses.log_bayes_factor(s.components) for s in likeliest]
+                if np.ptp(np.subtract(after, before)) > LEAST_EVIDENCE_DIFFERENCE:
                     again[sensor] = self._answer(hypotheses, likeliest_sets(hypotheses))
                 else:  # the equations as they were, to which the answer belongs
                     hypotheses.inform(-told[sensor].normal, -told[sensor].right)
@@ -203,12 +205,12 @@ class SensorSearches:
         catalogue = self.settings.catalogue
         found, evidence = explanations(hypotheses, ranked)
         return SensorAnswer(
-            hypotheses,
-            tuple(ranked),
-            tuple(found),
-            tuple(family.effect for family in hypotheses.families),
-            frozenset(catalogue) & frozenset(greyed_out(self.source.runs, catalogue)),
-            hypotheses.nothing + evidence + hypotheses.design.log_density,
+            hypotheses=hypotheses,
+            sets=tuple(ranked),
+            explanations=tuple(found),
+            offered=tuple(family.effect for family in hypotheses.families),
+            untried=frozenset(catalogue) & frozenset(greyed_out(self.source.runs, catalogue)),
+            log_evidence=hypotheses.nothing + evidence + hypotheses.design.log_density,
         )
 
     def hypotheses(self, design: CandidateDesign, known: Sequence[Effect]) -> SensorHypotheses:

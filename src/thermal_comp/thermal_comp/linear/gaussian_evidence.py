@@ -179,7 +179,15 @@ def conditioned(
     right = right - np.einsum('kac,k->ac', coupling, answer)
     chi_square -= float(answer @ answer)
     determinant += 2.0 * float(np.log(np.diag(lower)).sum())
-    return ConditionedDesign(normal, halves, right, chi_square, determinant, rows, coupling)
+    return ConditionedDesign(
+        normal=normal,
+        half=halves,
+        right=right,
+        chi_square=chi_square,
+        log_determinant=determinant,
+        rows=rows,
+        coupling=coupling,
+    )
 
 
 def _joined(priors: Sequence[CoefficientPrior]) -> tuple[list[int], FloatArray]:

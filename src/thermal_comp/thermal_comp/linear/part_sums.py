@@ -163,15 +163,15 @@ def part_sums(
         for k, effect in enumerate(further)
     }
     return PartSums(
-        np.stack(white, axis=1),
-        np.stack(plain, axis=1),
-        np.array(rows),
-        np.array(part),
-        cycles,
-        np.array(number),
-        np.arange(starts[len(known)]),
-        places,
-        still,
+        white=np.stack(white, axis=1),
+        plain=np.stack(plain, axis=1),
+        rows=np.array(rows),
+        part=np.array(part),
+        cycles=cycles,
+        run=np.array(number),
+        known=np.arange(starts[len(known)]),
+        places=places,
+        variance=still,
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
+from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.of_runs import determined_noise
@@ -67,11 +67,11 @@ def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> N
     assert answers['gyroscope'].kind == 'unexplained'
     searched = {s: (a.hypotheses, a.sets) for s, a in answers.items()}
     understood = {s for s in searched if s != 'gyroscope'}
-    told = told_by_others(searched, understood)
-    alone = told_by_others({s: searched[s] for s in understood}, understood)
+    told = information_of_others(searched, understood)
+    alone = information_of_others({s: searched[s] for s in understood}, understood)
     assert np.array_equal(told['accelerometer'].normal, alone['accelerometer'].normal)
     assert not np.array_equal(
         told['accelerometer'].normal,
-        told_by_others(searched, set(searched))['accelerometer'].normal,
+        information_of_others(searched, set(searched))['accelerometer'].normal,
     )
-    assert told_by_others(searched, ()) == {}
+    assert information_of_others(searched, ()) == {}

@@ -43,7 +43,7 @@ class Information:
 
 
 @dataclass(frozen=True, eq=False)
-class _Reading:
+class _SensorInformation:
     """A sensor's information beside a set of effects, and ln of what speaks for the set."""
 
     information: Information
@@ -54,7 +54,7 @@ Searched = Mapping[Sensor, tuple[SensorHypotheses, Sequence[EffectSet]]]
 """Hypotheses about each sensor and the sets that were looked at."""
 
 
-def told_by_others(
+def information_of_others(
     searched: Searched, understood: Collection[Sensor]
 ) -> dict[Sensor, Information]:
     """Return for each sensor what the others tell of the thermometer's errors.
@@ -80,7 +80,7 @@ def told_by_others(
     return told
 
 
-def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_Reading]:
+def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_SensorInformation]:
     """Return the readings of one sensor."""
     best = max(sets, key=lambda s: s.log_posterior)
     plain = [s for s in sets if not any(c.form.effect.kin == 'temperature' for c in s.components)]
@@ -88,17 +88,17 @@ def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_
     return [_reading(hypotheses, some) for some in dict.fromkeys((best, without))]
 
 
-def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _Reading:
+def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _SensorInformation:
     state = hypotheses.conditioned(some.components, thermometer=False)
     normal, right = state.shared_equations(hypotheses.thermometer.columns)
     left = state.chi_square - right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
     variance = max(float(left + NOISE_ROWS) / (state.rows + NOISE_ROWS), 1.0)
     size = hypotheses.design.size_of(hypotheses.thermometer)
     told = Information(normal * np.outer(size, size) / variance, right * size / variance)
-    return _Reading(told, some.log_posterior - _log_evidence(told))
+    return _SensorInformation(told, some.log_posterior - _log_evidence(told))
 
 
-def _log_posterior(readings: Sequence[_Reading]) -> float:
+def _log_posterior(readings: Sequence[_SensorInformation]) -> float:
     together = _sum([reading.information for reading in readings])
     return sum(reading.log_weight for reading in readings) + _log_evidence(together)
 

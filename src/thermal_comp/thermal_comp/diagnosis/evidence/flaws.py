@@ -17,22 +17,26 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
 
-THERMOMETER_SEEN = 20.0
+THERMOMETER_SEEN_CHI2 = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
 HISTORY = frozenset({'rate', 'branch', 'phase'})
 """Variables that say how the temperature moved: what errors of a thermometer follow."""
-FINER = 2
+STEPS_BETWEEN_AMPLITUDES = 2
 """Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
 evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""
 _COARSE: FloatArray = np.log(priors.AMPLITUDES)
-_DENSE: FloatArray = np.linspace(_COARSE[0], _COARSE[-1], FINER * (len(_COARSE) - 1) + 1)
-_DENSEST: FloatArray = np.linspace(_COARSE[0], _COARSE[-1], FINER**2 * (len(_COARSE) - 1) + 1)
+_DENSE: FloatArray = np.linspace(
+    _COARSE[0], _COARSE[-1], STEPS_BETWEEN_AMPLITUDES * (len(_COARSE) - 1) + 1
+)
+_DENSEST: FloatArray = np.linspace(
+    _COARSE[0], _COARSE[-1], STEPS_BETWEEN_AMPLITUDES**2 * (len(_COARSE) - 1) + 1
+)
 _INTERPOLATION: FloatArray = CubicSpline(_DENSE, np.eye(len(_DENSE)))(_DENSEST)
 """What is smooth over ln of the amplitude, between."""
-MOST_TOGETHER = 3
-"""Flexible functions beside each other …"""
-WORTH_ANOTHER = 2.0
-"""… and gain of ln evidence of the best from which another is looked for beside it."""
+MOST_JOINT_FUNCTIONS = 3
+"""Flexible functions that are weighed beside each other."""
+LEAST_GAIN_FOR_ANOTHER = 2.0
+"""Gain of ln evidence of the best of them from which another is looked for beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,7 @@ def may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
 
 def thermometer_acts(hypotheses: SensorHypotheses) -> bool:
     """Tell whether errors of the thermometer are seen in the sensor's residual."""
-    return hypotheses.explained_by_thermometer > THERMOMETER_SEEN
+    return hypotheses.explained_by_thermometer > THERMOMETER_SEEN_CHI2
 
 
 def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign) -> float:
@@ -186,7 +190,11 @@ def gains_together(
     each = [gain_of(state, term, amplitude, beside=beside) for term in terms]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains)) if gains else 0
-    if len(gains) > 1 and gains[place] > WORTH_ANOTHER and len(known) + 1 < MOST_TOGETHER:
+    if (
+        len(gains) > 1
+        and gains[place] > LEAST_GAIN_FOR_ANOTHER
+        and len(known) + 1 < MOST_JOINT_FUNCTIONS
+    ):
         columns, width = terms[place].columns, each[place][1]
         if beside:
             width /= np.sqrt(state.power(columns))
@@ -212,7 +220,7 @@ def gain_of(
     evidence, _ = state.evidences(
         np.array([term.columns]), np.exp(_DENSE), shared=term.shared, beside=beside
     )
-    log_prior = np.interp(_DENSEST, _COARSE, amplitude) - 2.0 * np.log(FINER)
+    log_prior = np.interp(_DENSEST, _COARSE, amplitude) - 2.0 * np.log(STEPS_BETWEEN_AMPLITUDES)
     weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
     return log_sum(weighted), float(np.exp(_DENSEST[int(np.argmax(weighted))]))
 

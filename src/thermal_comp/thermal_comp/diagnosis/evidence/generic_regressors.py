@@ -122,8 +122,8 @@ def _regressor(
     design: CandidateDesign, depends_on: str, name: str, term: ColumnGroup, lost: Sequence[str]
 ) -> GenericRegressor:
     """Return a regressor with the lost channel it would betray, or that may look like it."""
-    betrayed = _betrayed(design, depends_on, lost)
-    suspect = '' if betrayed else _suspect(design, depends_on, lost)
+    betrayed = _channel_behind(design, depends_on, lost)
+    suspect = '' if betrayed else _possible_channel(design, depends_on, lost)
     return GenericRegressor(depends_on, name, term, betrayed, suspect)
 
 
@@ -158,10 +158,10 @@ def lost_channels(design: CandidateDesign) -> list[str]:
 
 def lost_over_time(design: CandidateDesign) -> str:
     """Return the lost channel that may have any course over time, '' for none."""
-    return _suspect(design, 'time', lost_channels(design))
+    return _possible_channel(design, 'time', lost_channels(design))
 
 
-def _suspect(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
+def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
     """Return a lost channel that may have the course of a dependence by chance, '' for none.
 
     What is switched may have any course over time; the air leads the die in every ramp.
@@ -179,7 +179,7 @@ def _suspect(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> s
     return channel_label(candidates[0]) if candidates else ''
 
 
-def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
+def _channel_behind(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
     """Return the lost channel through which a dependence would arise, '' for none.
 
     A compressor reaches accelerometer and gyroscope by shaking them or through the supply, a

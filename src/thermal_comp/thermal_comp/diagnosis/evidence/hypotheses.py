@@ -54,8 +54,8 @@ class SensorHypotheses:
         self.nuisances = nuisance_priors(design, self.thermometer)
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer."""
-        self.families = _with_a_trace(design, families(design, catalogue))
-        self.guesses = _with_a_trace(design, guesses(design, catalogue))
+        self.families = _visible(design, families(design, catalogue))
+        self.guesses = _visible(design, guesses(design, catalogue))
         """Effects of channels that were not logged but can be guessed."""
         self.without_channel = channels_not_logged(design, catalogue)
         """Effects that could act unseen, each with the channel that was not logged."""
@@ -155,7 +155,7 @@ class SensorHypotheses:
         left = [c for c in components if name is not None and c.name != name]
         return 2.0 * (self.log_evidence(components)[0] - self.log_evidence(left)[0])
 
-    def speaks_for(self, components: Sequence[Component]) -> float:
+    def log_bayes_factor(self, components: Sequence[Component]) -> float:
         """Return ln of the Bayes factor of effects in their forms against no effect."""
         return self.log_evidence(components)[0] - self.nothing
 
@@ -173,7 +173,7 @@ class SensorHypotheses:
         return float(np.log(count) + orders - effects * np.log(max(families, 1)))
 
 
-def _with_a_trace(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:
+def _visible(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:
     """Return the families with a column that is more than rounding beside the base model."""
     normal = design.products(())[0]
     columns = [[c for form in f.forms for t in form.terms for c in t.columns] for f in some]

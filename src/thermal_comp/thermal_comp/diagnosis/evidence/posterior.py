@@ -38,15 +38,15 @@ from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 CREDIBLE = 0.95
 """Probability that the reported set of explanations holds together."""
-WORTH_A_LOOK = 9.0
-"""ln of the posterior below the best set's from which what its equations lack cannot matter."""
+MOST_LOG_ODDS_BEHIND = 9.0
+"""ln of the odds against the best set beyond which no flaw makes a set likely."""
 MOST_SETS = 4
 """Sets whose equations are given a flaw."""
-LEAST_WAYS = 4
-"""Ways in which something without a name may act at least: one that is looked for is not all."""
-LEAST_FOLLOWED = -1.0
-"""ln of the weight beside a set from which what something without a name follows is said."""
-APPROXIMATE = 0.75
+LEAST_UNNAMED_WAYS = 4
+"""Number of ways, at least, in which an unnamed cause may act: the prior is shared by them."""
+LEAST_FOLLOWED_LOG_WEIGHT = -1.0
+"""ln of the weight beside a set from which the variable of an unnamed cause is reported."""
+APPROXIMATE_PROBABILITY = 0.75
 """Probability of a flaw from which a form is called approximate."""
 
 
@@ -135,7 +135,7 @@ def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
     A flaw of an equation takes up a smooth course, so that a set that explains less may be as
     likely with one; it cannot take up a step. Sets less likely than a subset are left out.
     """
-    reach = WORTH_A_LOOK + max(best.free_flaw, 0.0)
+    reach = MOST_LOG_ODDS_BEHIND + max(best.free_flaw, 0.0)
     known = {s.names: s.log_posterior for s in sets}
 
     def less_than_a_part(some: EffectSet) -> bool:
@@ -143,7 +143,11 @@ def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
         return any(known.get(part, -np.inf) >= some.log_posterior for part in parts)
 
     behind = [(s, best.set.log_posterior - s.log_posterior) for s in sets]
-    return [s for s, by in behind if by < WORTH_A_LOOK or (by < reach and not less_than_a_part(s))]
+    return [
+        s
+        for s, by in behind
+        if by < MOST_LOG_ODDS_BEHIND or (by < reach and not less_than_a_part(s))
+    ]
 
 
 def _is_part(some: EffectSet, others: Sequence[EffectSet]) -> bool:
@@ -152,12 +156,15 @@ def _is_part(some: EffectSet, others: Sequence[EffectSet]) -> bool:
 
 
 def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
-    """Return what acts beside a set, whose own weight speaks for the channel that it guesses."""
+    """Return what acts beside a set; of a guessed channel its own weight counts as `unlogged`."""
     if not some.guessed:
         return rest
     own = {'', 'flaw'}
     lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
-    return [*(b for b in rest if b.kind not in own), *_or_beside(lost, _beside_lost(some))]
+    return [
+        *(b for b in rest if b.kind not in own),
+        *_with_effects_of_lost_channel(lost, _beside_lost(some)),
+    ]
 
 
 def _without(some: EffectSet, name: str = '') -> Names:
@@ -207,9 +214,14 @@ def _named(some: EffectSet, rest: Sequence[_Beside], total: float) -> Explanatio
         sum(float(np.exp(some.log_posterior + b.log_weight - total)) for b in rest if b.kind == k)
         for k in ('', 'flaw')
     )
-    approximate = flawed > APPROXIMATE * (exact + flawed)
+    approximate = flawed > APPROXIMATE_PROBABILITY * (exact + flawed)
     return Explanation(
-        some.names, exact + flawed, approximate, some.components, None, some.explained
+        names=some.names,
+        probability=exact + flawed,
+        approximate=approximate,
+        components=some.components,
+        depends_on=None,
+        explained=some.explained,
     )
 
 
@@ -255,12 +267,21 @@ def _unnamed(
 def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]) -> Explanation:
     """Return the explanation by something unknown, summed over the sets it stands beside."""
     if not parts:
-        return Explanation(names, 0.0, False, ())
-    followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
+        return Explanation(names=names, probability=0.0, approximate=False, components=())
+    followed = [
+        p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED_LOG_WEIGHT
+    ]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
     logged = tuple(c for c in some.components if not c.form.effect.guessed_channel)
-    return Explanation(names, probability, False, logged, strongest.depends_on, some.explained)
+    return Explanation(
+        names=names,
+        probability=probability,
+        approximate=False,
+        components=logged,
+        depends_on=strongest.depends_on,
+        explained=some.explained,
+    )
 
 
 def _own_variables(some: EffectSet) -> set[str]:
@@ -332,12 +353,12 @@ def _unknown(
         (traces, priors.UNLOGGED, len(traces)),
         (either, priors.UNLOGGED * priors.LOST_WITHOUT_TRACE, len(laws)),
     ):
-        share = float(np.log(prior * once / max(ways, LEAST_WAYS)))
+        share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    return _or_beside(found, _beside_lost(some))
+    return _with_effects_of_lost_channel(found, _beside_lost(some))
 
 
-def _or_beside(found: Sequence[_Beside], known: Names) -> list[_Beside]:
+def _with_effects_of_lost_channel(found: Sequence[_Beside], known: Names) -> list[_Beside]:
     """Return what may act: beside a lost channel its effects are the known ones, or a part."""
     if not known:
         return [*found]

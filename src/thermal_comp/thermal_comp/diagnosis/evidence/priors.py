@@ -16,7 +16,7 @@ NOTHING = 0.75
 campaign of four there is none."""
 
 ANOTHER_EFFECT = 0.2
-"""That beside so many effects of a sensor there is one more: most campaigns have a single one."""
+"""That a sensor with some effects has another one: most campaigns have a single one."""
 
 NOT_IN_CATALOGUE = 0.15
 """That what a sensor lacks is not in the catalogue: packaged MEMS are old, boards are not."""
@@ -25,8 +25,8 @@ UNLOGGED = 0.15
 """That it follows a variable that was not logged, where a variable is missing."""
 
 LOST_LOOKS_ALIKE = 0.5
-"""That an effect beside such a variable is in truth a part of what the variable does, which its
-traces, or a guess, follow only in part: many laws look somewhat like a lag or a hysteresis."""
+"""That an effect named beside such a variable is a part of what the variable does, where its
+traces, or a guess, follow it in part only: many laws look somewhat like a lag or a hysteresis."""
 
 LOST_WITHOUT_TRACE = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""

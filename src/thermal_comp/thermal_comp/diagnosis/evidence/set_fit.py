@@ -17,7 +17,7 @@ from thermal_comp.linear.gaussian_evidence import log_sum
 
 SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005, 1.001, 1.0002, 1.00005, 1.00001)
 """Factors by which shape parameters are moved, ever smaller; the peak lies between them."""
-LEAST_MOVE = 0.05
+LEAST_LOG_GAIN = 0.05
 """Gain of ln evidence from which a move goes on."""
 MOST_MOVES = 12
 """Moves of a shape by one factor."""
@@ -65,14 +65,14 @@ def _shaped(
                 near = moved_forms(hypotheses.design, best, ratio, each_way)
                 inside = [form for form in near if form is not None]
                 nearest = max(inside, key=likely, default=best)
-                if likely(nearest) < likely(best) + LEAST_MOVE:
+                if likely(nearest) < likely(best) + LEAST_LOG_GAIN:
                     break
                 best = nearest
             values = [None if form is None else likely(form) for form in near]
             peak = moved_forms(hypotheses.design, best, ratio, [_peak(likely(best), values)])[0]
             if peak is not None and likely(peak) > likely(best):
                 best = peak
-            if all(abs(v - likely(best)) < LEAST_MOVE for v in values if v is not None):
+            if all(abs(v - likely(best)) < LEAST_LOG_GAIN for v in values if v is not None):
                 break  # a finer move changes nothing
     return _with_form(components, place, form_of(hypotheses.design, best.effect, one.form.run))
 
