@@ -113,3 +113,13 @@ def test_a_step_that_fast_noise_was_taken_for_is_named():
     campaign = draw_campaign(3349, 'single_sweep', hide=[('bias_step', 16.3)], rivals=False)
     found = tc.diagnose(campaign.recordings).findings
     assert [f.name for f in found if f.sensor == 'accelerometer'] == ['bias_step']
+
+
+def test_a_scale_factor_in_two_poses_is_not_excluded_by_a_tilt_of_the_device():
+    """Two poses hardly tell it from misalignment, and nobody states a tilt of half a degree."""
+    drawn = draw_campaign(3370, 'no_chamber_channels')
+    (hidden,) = drawn.truth.to_dict()['effects']
+    said = tc.diagnose(drawn.recordings).explanations
+    named = {e.names: e.probability for e in said if e.sensor == 'accelerometer'}
+    assert (hidden['name'], hidden['sensors']) == ('scale_factor_temperature', ('accelerometer',))
+    assert named['scale_factor_temperature',] > 0.5

@@ -20,7 +20,7 @@ from thermal_comp.noise.process import (
     toeplitz_product,
 )
 
-from ..campaign import WHITE, run
+from ..campaign import WHITE, chamber, run
 
 PERIOD = 20.0
 TRUE_NOISE = NoiseModel(
@@ -133,6 +133,20 @@ def test_a_run_in_a_coarser_range_has_noise_of_its_own() -> None:
 def test_runs_whose_noise_differs_by_chance_share_it() -> None:
     runs = prepare([run(up, seed=k, cycles=2, period=PERIOD) for k, up in enumerate(('+x', '+y'))])
     assert not fit_noise(runs, 'gyroscope').run_factors
+
+
+def test_a_line_in_one_run_alone_is_not_the_noise_of_that_run() -> None:
+    time = chamber(3, PERIOD)[0]
+    size = 5.0 * WHITE['angular_velocity'] / np.sqrt(PERIOD)
+    line = np.outer(np.sin(2.0 * np.pi * time / 487.0), size * np.array([1.0, -0.7, 0.8]))
+    runs = prepare([
+        run(up, seed=k, cycles=3, period=PERIOD, error={'angular_velocity': line * (k == 1)})
+        for k, up in enumerate(('+x', '+y', '+z'))
+    ])  # fmt: skip
+    base = {'gyroscope': (BiasTemperature(),)}
+    noise = determined_noise(runs, base)[0]
+    answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']
+    assert answer.likeliest.names == ('mains_alias',)
 
 
 def test_counts_four_times_as_coarse_in_one_run_are_no_effect() -> None:

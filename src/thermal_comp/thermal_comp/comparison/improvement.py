@@ -7,8 +7,8 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.special import stdtrit
 
-LEAST_PARTS = 3
-"""Held-out parts that a test needs."""
+from thermal_comp.data.blocks import LEAST_HELD_OUT_PARTS
+
 LARGEST_CHANCE = 0.01
 """Probability that a fall of the error on held-out parts is called one by chance."""
 LEAST_FALL = 0.05
@@ -21,7 +21,7 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     Mean squares are (k,) or (k, axes); `noise` (axes,) is what noise alone leaves, and smaller
     ones count as so much. Student's t of ln(before / after) over the parts, and the rms over all.
     """
-    if len(before) < LEAST_PARTS:
+    if len(before) < LEAST_HELD_OUT_PARTS:
         return False
     before, after = _in_floors(before, noise), _in_floors(after, noise)
     if not falls_enough(before.sum(), after.sum()):

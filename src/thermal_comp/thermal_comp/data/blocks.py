@@ -24,6 +24,8 @@ LONGEST_PAUSE_S = 5.0
 """… or so long [s], whichever is more: serial lines pause for seconds."""
 MOST_SLOTS = 100_000
 """Places of blocks a run has at most, those in gaps included."""
+LEAST_HELD_OUT_PARTS = 3
+"""Parts of all runs together that a test of the held-out error needs."""
 LEAST_PARTS, MOST_PARTS = 5, 12
 """Contiguous parts a run without cycles is cut into, to be held out one at a time: more parts tell
 more surely whether a term lowers the error, …"""

@@ -10,8 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.comparison.improvement import LEAST_PARTS
-from thermal_comp.data.blocks import contiguous_parts
+from thermal_comp.data.blocks import LEAST_HELD_OUT_PARTS, contiguous_parts
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect, columns_from
@@ -192,7 +191,7 @@ def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[list[IntArra
         len(np.unique(group[(group > 0) & np.isfinite(run.measured[sensor]).all(axis=1)]))
         for run, group in zip(runs, groups, strict=True)
     )
-    if found >= LEAST_PARTS:
+    if found >= LEAST_HELD_OUT_PARTS:
         return groups, any(run.has_cycles for run in runs)
     return [contiguous_parts(len(run)) for run in runs], False
 

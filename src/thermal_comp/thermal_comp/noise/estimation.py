@@ -108,9 +108,9 @@ def _run_factors(
     for name, spectrum in spectra.items():
         power = np.vstack([noise.white**2, noise.amplitudes**2])
         expected = spectrum.expected.T @ power + np.outer(spectrum.shaken, noise.per_vibration)
-        weight = float(spectrum.weight.sum())
+        weight = max(float(spectrum.weight.sum()), 1e-300)
         ratio = spectrum.over(factors[name]).periodogram / np.maximum(expected, 1e-300)
-        change = float(spectrum.weight @ ratio.mean(axis=1)) / max(weight, 1e-300)
+        change = float(spectrum.weight @ ratio.mean(axis=1)) / weight
         away = abs(np.log(max(change, 1e-300)))
         differ |= away > max(np.log(OTHER_NOISE_RATIO), OTHER_NOISE_STDS / np.sqrt(3.0 * weight))
         found[name] *= float(np.sqrt(change))
