@@ -119,20 +119,21 @@ def test_of_bursts_rows_are_counted_not_the_slots_between_them() -> None:
     assert 0.6 < white.min() < white.max() < 1.4
 
 
-def test_a_run_in_a_coarser_range_has_noise_of_its_own() -> None:
-    runs = prepare([
-        run(up, seed=k, cycles=2, period=PERIOD, noise=factor)
-        for k, (up, factor) in enumerate((('+x', 1.0), ('+y', 4.0), ('+z', 1.0)))
-    ])  # fmt: skip
+def test_a_run_in_a_coarser_range_has_white_noise_of_its_own() -> None:
+    recordings = [run(up, seed=k, cycles=2, period=PERIOD) for k, up in enumerate(('+x', '+y'))]
+    values = recordings[1].angular_velocity
+    step = np.sqrt(15.0 / PERIOD) * WHITE['angular_velocity']
+    coarse = values + step * np.random.default_rng(8).standard_normal(values.shape)
+    runs = prepare([recordings[0], replace(recordings[1], angular_velocity=coarse)])
     noise = fit_noise(runs, 'gyroscope')
-    first, loud, third = (noise.of_run(one.name).white for one in runs)
-    np.testing.assert_allclose(loud / first, 4.0, rtol=0.15)
-    np.testing.assert_allclose(third / first, 1.0, rtol=0.15)
+    fine, loud = (noise.of_run(one.name) for one in runs)
+    np.testing.assert_allclose(loud.white / fine.white, 4.0, rtol=0.1)
+    np.testing.assert_array_equal(loud.amplitudes, fine.amplitudes)
 
 
 def test_runs_whose_noise_differs_by_chance_share_it() -> None:
     runs = prepare([run(up, seed=k, cycles=2, period=PERIOD) for k, up in enumerate(('+x', '+y'))])
-    assert not fit_noise(runs, 'gyroscope').run_factors
+    assert not fit_noise(runs, 'gyroscope').white_factors
 
 
 def test_a_line_in_one_run_alone_is_not_the_noise_of_that_run() -> None:
@@ -147,6 +148,22 @@ def test_a_line_in_one_run_alone_is_not_the_noise_of_that_run() -> None:
     noise = determined_noise(runs, base)[0]
     answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']
     assert answer.likeliest.names == ('mains_alias',)
+
+
+def test_slow_noise_of_a_run_with_little_white_noise_is_no_effect() -> None:
+    """A run at 50 Hz beside two of single samples, 2 s apart: all have the sensor's flicker."""
+    generator, size = np.random.default_rng(3), 4.0 * WHITE['linear_acceleration']
+    recordings = [run(up, seed=k, period=PERIOD) for k, up in enumerate(('+x', '+y', '+z'))]
+    for k in (1, 2):
+        values = recordings[k].linear_acceleration
+        added = size / np.sqrt(PERIOD) * generator.standard_normal(values.shape)
+        recordings[k] = replace(recordings[k], linear_acceleration=values + added)
+    runs = prepare(recordings)
+    base = {'accelerometer': (BiasTemperature(),)}
+    noise = determined_noise(runs, base)[0]
+    answer = search_sensors(runs, base, noise, Settings(EFFECTS))['accelerometer']
+    assert answer.likeliest.names == ()
+    assert answer.likeliest.probability > 0.5
 
 
 def test_counts_four_times_as_coarse_in_one_run_are_no_effect() -> None:

@@ -49,22 +49,15 @@ class NoiseModel:
     `still_vibration` [(unit)²·s/(m/s²)²]."""
     still_vibration: float = 0.0
     """Variance of the acceleration, summed over the axes, where nothing shakes [(m/s²)²]."""
-    run_factors: Mapping[str, float] = field(default_factory=dict)
-    """By how much the noise of a run is larger, by run name: other ranges, other counts. Runs that
-    are not named have 1; a model's file does not keep them."""
+    white_factors: Mapping[str, float] = field(default_factory=dict)
+    """By how much the white noise of a run is larger, by run name: other ranges, counts or sample
+    rates. Runs that are not named have 1; a model's file does not keep them."""
 
     def of_run(self, name: str) -> NoiseModel:
         """Return the noise in one run."""
-        if name not in self.run_factors:
+        if name not in self.white_factors:
             return self
-        factor = self.run_factors[name]
-        return replace(
-            self,
-            white=factor * self.white,
-            amplitudes=factor * self.amplitudes,
-            per_vibration=factor**2 * self.per_vibration,
-            run_factors={},
-        )
+        return replace(self, white=self.white_factors[name] * self.white, white_factors={})
 
     def to_dict(self, unit: str) -> dict[str, Any]:
         """Return plain values with their units; what vibration adds only where it adds some."""

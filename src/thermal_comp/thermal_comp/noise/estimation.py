@@ -54,9 +54,9 @@ STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD = 1.0, 0.3
 neighbouring blocks have: slow noise is in these too, and vibration is only nearly white."""
 
 OTHER_NOISE_RATIO, OTHER_NOISE_STDS = 1.5, 5.0
-"""Ratio of a run's variance of noise to that of all, and number of its standard deviations, from
-which runs have noise of their own: other ranges, coarser counts."""
-FACTOR_ROUNDS = 3
+"""Ratio of a run's variance of white noise to that of all, and number of its standard deviations,
+from which runs have white noise of their own: other ranges, coarser counts, other rates."""
+FACTOR_ROUNDS = 5
 """Rounds in which the factors of runs and the noise they share are fitted in turn."""
 
 LEAST_VARIANCE_SHARE = 1e-9
@@ -88,31 +88,34 @@ def fit_noise(
     noise = fit_noise_to_spectra([*named.values()], vibration)
     factors = dict.fromkeys(named, 1.0)
     for _ in range(FACTOR_ROUNDS):
-        factors = _run_factors(noise, named, factors)
+        factors = _white_factors(noise, named, factors)
         if not factors:
             break
-        scaled = [spectrum.over(factors[name]) for name, spectrum in named.items()]
-        noise = replace(fit_noise_to_spectra(scaled, vibration), run_factors=factors)
+        scaled = [spectrum.with_white(factors[name]) for name, spectrum in named.items()]
+        noise = replace(fit_noise_to_spectra(scaled, vibration), white_factors=factors)
     return noise
 
 
-def _run_factors(
+def _white_factors(
     noise: NoiseModel, spectra: Mapping[str, ResidualSpectrum], factors: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return by how much the noise of each run is larger; {} where all have the same.
+    """Return by how much the white noise of each run is larger; {} where all have the same.
 
-    Of `factors` so far, the mean over frequencies and axes of the periodogram over its
-    expectation tells what they are off by.
+    `factors` so far are off by the mean of the periodogram over its expectation, each frequency
+    and axis weighted by the share of white noise in it. Slow noise is the sensor's, whatever the
+    range or the rate of a run.
     """
     found, differ = dict(factors), any(factor != 1.0 for factor in factors.values())
-    for name, spectrum in spectra.items():
-        power = np.vstack([noise.white**2, noise.amplitudes**2])
-        expected = spectrum.expected.T @ power + np.outer(spectrum.shaken, noise.per_vibration)
-        weight = max(float(spectrum.weight.sum()), 1e-300)
-        ratio = spectrum.over(factors[name]).periodogram / np.maximum(expected, 1e-300)
-        change = float(spectrum.weight @ ratio.mean(axis=1)) / weight
+    for name, one in spectra.items():
+        spectrum = one.with_white(factors[name])
+        white = np.outer(spectrum.expected[0], noise.white**2)
+        expected = white + spectrum.expected[1:].T @ noise.amplitudes**2
+        expected = np.maximum(expected + np.outer(spectrum.shaken, noise.per_vibration), 1e-300)
+        weight = spectrum.weight[:, None] * white / expected
+        rows = max(float(weight.sum()), 1e-300)
+        change = float((weight * spectrum.periodogram / expected).sum()) / rows
         away = abs(np.log(max(change, 1e-300)))
-        differ |= away > max(np.log(OTHER_NOISE_RATIO), OTHER_NOISE_STDS / np.sqrt(3.0 * weight))
+        differ |= away > max(np.log(OTHER_NOISE_RATIO), OTHER_NOISE_STDS / np.sqrt(rows))
         found[name] *= float(np.sqrt(change))
     return found if differ and len(found) > 1 and min(found.values()) > 0.0 else {}
 

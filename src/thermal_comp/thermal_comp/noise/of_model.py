@@ -48,13 +48,13 @@ def noise_of_model(
     spectra = [_spectrum(run, sensor, tuple(effects), vibration) for run in runs]
     if any(spectrum is None for spectrum in spectra):
         return extrapolated
-    factors = extrapolated.run_factors
+    factors = extrapolated.white_factors
     scaled = [
-        spectrum.over(factors.get(run.name, 1.0))
+        spectrum.with_white(factors.get(run.name, 1.0))
         for run, spectrum in zip(runs, spectra, strict=True)
         if spectrum is not None
     ]
-    found = replace(fit_noise_to_spectra(scaled, vibration), run_factors=factors)
+    found = replace(fit_noise_to_spectra(scaled, vibration), white_factors=factors)
     more = _spread(runs, found) / np.maximum(_spread(runs, extrapolated), 1e-300)
     return found if more <= MOST_SPREAD_RATIO**2 else extrapolated
 

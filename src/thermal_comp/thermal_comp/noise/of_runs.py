@@ -181,7 +181,7 @@ def _white_of_neighbours(
         variance = (added[2:] + 4.0 * added[1:-1] + added[:-2]) / 6.0 + 1.0
         bend = np.abs(np.diff(values, 2, axis=0)) / np.sqrt(6.0 * variance)
         in_row = (run.slot[2:] - run.slot[:-2] == 2) & np.isfinite(bend).all(axis=1)
-        sizes.append(bend[in_row] / noise.run_factors.get(run.name, 1.0))
+        sizes.append(bend[in_row] / noise.white_factors.get(run.name, 1.0))
     rows = np.concatenate(sizes)
     if len(rows) < LEAST_BENDS:
         return None

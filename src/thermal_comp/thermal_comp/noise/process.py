@@ -87,9 +87,10 @@ class ResidualSpectrum:
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
 
-    def over(self, factor: float) -> ResidualSpectrum:
-        """Return the spectrum of the residual divided by a factor."""
-        return replace(self, periodogram=self.periodogram / factor**2)
+    def with_white(self, factor: float) -> ResidualSpectrum:
+        """Return the spectrum of a run whose white noise is larger by a factor than the unit."""
+        expected = np.vstack([factor**2 * self.expected[:1], self.expected[1:]])
+        return replace(self, expected=expected)
 
 
 @dataclass(frozen=True, eq=False)
