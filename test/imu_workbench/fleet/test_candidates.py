@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.fleet.candidates import candidate_gains
+from imu_workbench.fleet.candidates import try_candidates
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -32,7 +32,7 @@ def found(run):
     line = fit_prepared([BiasTemperature()], prepare([recording]))
     noise = line.sensors['gyroscope'].noise
     assert noise is not None
-    tried = candidate_gains(runs, 'gyroscope', noise, BiasTemperature(), CATALOGUE)
+    tried = try_candidates(runs, 'gyroscope', noise, BiasTemperature(), CATALOGUE)
     return {one.effect: one for one in tried}
 
 

@@ -32,7 +32,7 @@ LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class CandidateGain:
+class TriedEffect:
     """What the forms of one effect would take up in one sensor."""
 
     effect: str
@@ -70,14 +70,14 @@ def candidate_effects(
     ]
 
 
-def candidate_gains(
+def try_candidates(
     runs: Sequence[PreparedRun],
     sensor: Sensor,
     noise: NoiseModel,
     base: Effect,
     catalogue: Mapping[str, type[Effect]],
-) -> list[CandidateGain]:
-    """Return the gain of every candidate; one whose axes share coefficients is left out."""
+) -> list[TriedEffect]:
+    """Return what every candidate would take up; one whose axes share coefficients is left out."""
     valid = [np.isfinite(run.measured[sensor]).all(axis=1) for run in runs]
     used = [k for k, rows in enumerate(valid) if rows.sum() > 2]
     if not used:
@@ -117,15 +117,13 @@ def _columns(
     return per_axis(np.concatenate(parts))
 
 
-def _candidate(
-    name: str, forms: Sequence[Effect], taken: FloatArray, degrees: int
-) -> CandidateGain:
+def _candidate(name: str, forms: Sequence[Effect], taken: FloatArray, degrees: int) -> TriedEffect:
     """`taken` (forms, 3, 3): fall of χ², coefficient and its deviation of each axis."""
     texts = tuple(
         ', '.join(f'{k} {_short(v)}' for k, v in form.shape_parameters.items()) for form in forms
     )
     shapes = tuple(v for form in forms for v in form.shape_parameters.values())
-    found = CandidateGain(name, texts, delta_chi2=taken[:, :, 0], degrees=degrees)
+    found = TriedEffect(name, texts, delta_chi2=taken[:, :, 0], degrees=degrees)
     if degrees > 1 or len(forms) < 2 or any(isinstance(v, tuple) for v in shapes):
         return found
     values = tuple(float(v) for v in shapes if not isinstance(v, tuple))

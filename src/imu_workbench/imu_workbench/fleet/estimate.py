@@ -31,7 +31,7 @@ from thermal_comp.fitting.fit import fit_prepared, package_version
 from thermal_comp.model.values import SensorModel, ThermalModel
 
 from imu_recording import ImuRecording, read_bag
-from imu_workbench.fleet.candidates import candidate_gains
+from imu_workbench.fleet.candidates import try_candidates
 from imu_workbench.fleet.sources import DeviceSource, reason
 from imu_workbench.fleet.table import SCHEMA, ResultRow
 
@@ -265,7 +265,7 @@ def _candidate_rows(
             'coefficients': _of_axis(found.coefficients, a),
             'std': _of_axis(found.std, a),
         }
-        for found in candidate_gains(runs, sensor, part.noise, LINE, catalogue)
+        for found in try_candidates(runs, sensor, part.noise, LINE, catalogue)
         for a, axis in enumerate(AXES)
     ]
 

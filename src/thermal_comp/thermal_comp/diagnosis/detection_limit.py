@@ -55,15 +55,16 @@ def _rms(
     if left < LEAST_EXCITED_SHARE or size <= 0.0:
         return np.inf
     coefficients = sum(len(t.columns) for t in form.terms) * (1 if term.shared else 3)
-    return float(np.sqrt(_needed_gain(needed, coefficients))) / size * _size_of(hypotheses, form)
+    explained = float(np.sqrt(_needed_delta_chi2(needed, coefficients)))
+    return explained / size * _size_of(hypotheses, form)
 
 
-def _needed_gain(needed: float, coefficients: int) -> float:
+def _needed_delta_chi2(needed: float, coefficients: int) -> float:
     """Return g with g − p ln(1 + g / p) = needed."""
-    gain = needed
+    delta_chi2 = needed
     for _ in range(FIXED_POINT_ROUNDS):
-        gain = needed + coefficients * float(np.log1p(gain / coefficients))
-    return gain
+        delta_chi2 = needed + coefficients * float(np.log1p(delta_chi2 / coefficients))
+    return delta_chi2
 
 
 def _size_of(hypotheses: SensorHypotheses, form: Form) -> float:

@@ -249,7 +249,7 @@ def _best_form(
     known = columns_of(sums, beside)
     left = [reduced(training[axis], known) for axis in range(3)]
     places = [np.concatenate([sums.places[part] for part in form.parts()]) for form in forms]
-    gains = np.zeros(len(forms))
+    criterion = np.zeros(len(forms))
     for width in {len(place) for place in places}:
         which = [k for k, place in enumerate(places) if len(place) == width]
         at = np.array([places[k] for k in which])
@@ -259,5 +259,5 @@ def _best_form(
             normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER_SHARE * full + 1e-300
             moment = left[axis][at, -1]
             answer = np.linalg.solve(normal, moment[:, :, None])[:, :, 0]
-            gains[which] += (moment * answer).sum(axis=1) - width * np.log(sums.rows.sum())
-    return forms[int(np.argmax(gains))]
+            criterion[which] += (moment * answer).sum(axis=1) - width * np.log(sums.rows.sum())
+    return forms[int(np.argmax(criterion))]

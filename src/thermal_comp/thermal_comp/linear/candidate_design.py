@@ -259,19 +259,19 @@ class CandidateDesign:
     def solve(self, terms: Sequence[ColumnGroup]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""
         own, common = self._split(terms)
-        gain, rank, shared_normal, shared_right = self._eliminated(own, common)
+        delta_chi2, rank, shared_normal, shared_right = self._eliminated(own, common)
         if common:
             full = self._normal[:, common, common].sum(axis=0)
             answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
-            gain += float(shared_right @ answer[:, 0])
+            delta_chi2 += float(shared_right @ answer[:, 0])
             rank += used
-        return gain, rank
+        return delta_chi2, rank
 
     def _eliminated(
         self, own: list[int], common: list[int]
     ) -> tuple[float, int, FloatArray, FloatArray]:
         """Return χ² and rank of each axis's own columns, and the equations of those shared."""
-        gain, rank = 0.0, 0
+        delta_chi2, rank = 0.0, 0
         normal, right = self.equations([*own, *common])
         first, size = len(own), len(common)
         shared_normal, shared_right = np.zeros((size, size)), np.zeros(size)
@@ -279,11 +279,11 @@ class CandidateDesign:
             rows, cross = right[axis, :first], normal[axis, :first, first:]
             block = normal[axis, :first, :first]
             answer, used = pseudo_solve(block, np.column_stack([rows, cross]))
-            gain += float(rows @ answer[:, 0])
+            delta_chi2 += float(rows @ answer[:, 0])
             rank += used
             shared_normal += normal[axis, first:, first:] - cross.T @ answer[:, 1:]
             shared_right += right[axis, first:] - answer[:, 1:].T @ rows
-        return gain, rank, shared_normal, shared_right
+        return delta_chi2, rank, shared_normal, shared_right
 
     def reduced(
         self, known: Sequence[int], columns: Sequence[int]

@@ -75,5 +75,5 @@ class FreeTerm:
             gram.flat[:: size + 1] += 1.0 / np.maximum(deviations.ravel(), LEAST_DEVIATION) ** 2
         reduced = self.known.half(across)
         new = factor(gram - reduced.T @ reduced, np.diag(gram))
-        gain = new.half((moment - reduced.T @ self.half)[:, None])
-        return max(self.chi_square - float((gain**2).sum()), 0.0)
+        new_half = new.half((moment - reduced.T @ self.half)[:, None])
+        return max(self.chi_square - float((new_half**2).sum()), 0.0)

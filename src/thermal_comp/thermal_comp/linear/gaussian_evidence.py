@@ -110,14 +110,14 @@ class ConditionedDesign:
         weighted = half[:, None] * inverse[:, :, None, :]
         inner = np.eye(half.shape[1]) - weighted @ half.transpose(0, 2, 1)[:, None]
         across = weighted @ right[:, None, :, None]
-        gain: FloatArray = (right[:, None] ** 2 * inverse).sum(axis=2)
-        gain += (across * np.linalg.solve(inner, across)).sum(axis=(2, 3))
+        delta_chi2: FloatArray = (right[:, None] ** 2 * inverse).sum(axis=2)
+        delta_chi2 += (across * np.linalg.solve(inner, across)).sum(axis=(2, 3))
         determinant = np.log1p(variance[:, :, None] * values[:, None]).sum(axis=2)
         determinant += np.linalg.slogdet(inner)[1]
         evidence = log_evidence(
-            self.chi_square - gain, self.log_determinant + determinant, self.rows
+            self.chi_square - delta_chi2, self.log_determinant + determinant, self.rows
         )
-        return np.asarray(evidence), gain
+        return np.asarray(evidence), delta_chi2
 
 
 def _eigen(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -225,8 +225,8 @@ def joint_evidence(
     whole[:, :size, size] = right * deviation
     own = size - int(shared.sum())
     order = np.append(np.argsort(shared, kind='stable'), size)
-    determinant, gain = _eliminated(whole.take(order, axis=1).take(order, axis=2), own)
-    return float(log_evidence(chi_square - gain, determinant, rows)), gain
+    determinant, delta_chi2 = _eliminated(whole.take(order, axis=1).take(order, axis=2), own)
+    return float(log_evidence(chi_square - delta_chi2, determinant, rows)), delta_chi2
 
 
 @njit(cache=True, nogil=True)

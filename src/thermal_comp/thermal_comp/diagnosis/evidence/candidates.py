@@ -161,14 +161,14 @@ def _likeliest_rise(
         forms = list(
             zip(starts.ravel().tolist(), np.repeat(STEP_DURATIONS_S, STEP_PLACES), strict=True)
         )
-        gain = _gains(design, residual, number, forms).reshape(tried.shape)
-        middles = tried[np.arange(len(tried)), gain.argmax(axis=1)]
+        delta_chi2 = _delta_chi2(design, residual, number, forms).reshape(tried.shape)
+        middles = tried[np.arange(len(tried)), delta_chi2.argmax(axis=1)]
         reach *= 2.0 / (STEP_PLACES - 1)
-    start, duration = forms[int(gain.argmax())]
+    start, duration = forms[int(delta_chi2.argmax())]
     return start, float(duration)
 
 
-def _gains(
+def _delta_chi2(
     design: CandidateDesign,
     residual: FloatArray,
     number: int,
@@ -176,12 +176,12 @@ def _gains(
 ) -> FloatArray:
     """Return (k,) Δχ² that steps of k starts and durations in a run explain of a residual."""
     first, columns = _rises(design.source.runs[number], forms)
-    gain: FloatArray = np.zeros(len(forms))
+    delta_chi2: FloatArray = np.zeros(len(forms))
     for axis in range(3):
         white, rows = design.whitened_in_run(columns, number, axis, first)
         power = (white**2).sum(axis=0) - ((design.base[axis][rows].T @ white) ** 2).sum(axis=0)
-        gain += (white.T @ residual[axis, rows]) ** 2 / np.maximum(power, 1e-9)
-    return gain
+        delta_chi2 += (white.T @ residual[axis, rows]) ** 2 / np.maximum(power, 1e-9)
+    return delta_chi2
 
 
 def _rises(run: PreparedRun, forms: Sequence[tuple[float, float]]) -> tuple[int, FloatArray]:
