@@ -2,7 +2,16 @@
 """Columns of runs and axes stand where they belong; a basis has as many as are independent."""
 
 import numpy as np
-from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
+import pytest
+from thermal_comp.linear.columns import (
+    LEAST_NEW_LENGTH,
+    log_volume,
+    orthonormal,
+    per_axis,
+    project_out,
+    stack_runs,
+)
+from thermal_comp.linear.normal_equations import factor, pseudo_solve
 
 RNG = np.random.default_rng(3)
 
@@ -15,6 +24,18 @@ def test_a_basis_spans_the_columns_and_leaves_nothing_of_them() -> None:
     np.testing.assert_allclose(basis.T @ basis, np.eye(3), atol=1e-12)
     left = project_out(basis, dependent)
     assert (np.linalg.norm(left, axis=0) <= 1e-12 * np.linalg.norm(dependent, axis=0)).all()
+
+
+@pytest.mark.parametrize(('share', 'rank'), [(0.1, 2), (10.0, 3)])
+def test_bases_and_solutions_of_columns_agree_on_their_rank(share: float, rank: int) -> None:
+    columns = np.linalg.qr(RNG.standard_normal((50, 3)))[0]
+    columns[:, 2] = columns[:, :2].sum(axis=1) + share * LEAST_NEW_LENGTH * columns[:, 2]
+    columns *= [1e-6, 1.0, 1e6]
+    assert orthonormal(columns).shape[1] == rank
+    assert pseudo_solve(columns.T @ columns, columns.T @ columns)[1] == rank
+    assert len(factor(columns.T @ columns).kept) == rank
+    lengths = np.log(np.linalg.norm(columns, axis=0)).sum()
+    assert (log_volume(columns) < lengths - 5.0) == (rank == 3)  # a short direction that counts
 
 
 def test_nothing_has_an_empty_basis() -> None:

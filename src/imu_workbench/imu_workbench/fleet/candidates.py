@@ -91,7 +91,7 @@ def try_candidates(
 
     rows = ProjectedRows(whitening, [_columns(runs, valid, sensor, base)[0]])
     values = [run.measured[sensor][ok] for run, ok in zip(runs, valid, strict=True)]
-    measured = rows.projected(np.concatenate(values)[:, :, None], 0.0)[0][:, :, 0]
+    measured = rows.projected(np.concatenate(values)[:, :, None])[0][:, :, 0]
     found = []
     for name in candidate_effects(runs, sensor, base, catalogue):
         forms, taken = [], []

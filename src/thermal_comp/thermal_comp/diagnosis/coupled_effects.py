@@ -14,6 +14,7 @@ from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_evidence
+from thermal_comp.linear.normal_equations import pseudo_solve
 
 EXTENDED_SETS = 5
 """Likeliest sets beside which the effect is looked for, too."""
@@ -102,8 +103,8 @@ class _SensorEquations:
     @property
     def explained(self) -> float:
         """Δχ² of the coefficients that fit this sensor best."""
-        inverse = np.linalg.pinv(self.normal, rcond=1e-9, hermitian=True)
-        return float(self.right @ inverse @ self.right)
+        answer, _ = pseudo_solve(self.normal, self.right[:, None])
+        return float(self.right @ answer[:, 0])
 
 
 def _log_weight(told: Sequence[_SensorEquations], deviation: float) -> float:

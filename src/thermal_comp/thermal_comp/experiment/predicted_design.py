@@ -19,8 +19,6 @@ from thermal_comp.model.values import NoiseModel, ThermalModel
 
 SHAPE_GRID_POINTS = 5
 """Points of the grid over each shape parameter of a rival."""
-ABSORBED_SHARE = 1e-9
-"""Share of a column's length, left by the rest of the model, up to which it is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,5 +111,5 @@ class PredictedDesign:
 
     def _beyond_base(self, columns: FloatArray) -> FloatArray:
         """Return columns (rows, 3, p) whitened, (3, rows, p), zero where the base holds them."""
-        left, lost = self._rows.projected(columns, ABSORBED_SHARE)
+        left, lost = self._rows.projected(columns)
         return np.where(lost[:, None], 0.0, left)

@@ -31,7 +31,13 @@ from thermal_comp.fitting.shape_uncertainty import (
     solve_with_shapes,
 )
 from thermal_comp.linear.design import LEAST_DEVIATION, Design, Term
-from thermal_comp.linear.normal_equations import NormalEquations, Solution, gram, solve
+from thermal_comp.linear.normal_equations import (
+    NormalEquations,
+    Solution,
+    gram,
+    pseudo_solve,
+    solve,
+)
 from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
 from thermal_comp.noise.estimation import noise_product
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
@@ -351,9 +357,7 @@ class OrdinaryLeastSquares:
         covariance = np.zeros((p, 3, p, 3))
         for axis, penalty in enumerate(self.penalty):
             held = self.normal + np.diag(penalty)
-            scale = np.sqrt(np.diag(held))
-            inverse = np.linalg.pinv(held / np.outer(scale, scale), hermitian=True)
-            inverse /= np.outer(scale, scale)
+            inverse, _ = pseudo_solve(held, np.eye(p))
             known = np.where(penalty > 0.0, self.deviations[:, axis], 0.0)
             middle = self.spread[axis] + np.diag((penalty * known) ** 2)
             covariance[:, axis, :, axis] = inverse @ middle @ inverse

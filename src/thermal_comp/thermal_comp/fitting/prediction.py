@@ -18,13 +18,12 @@ from thermal_comp.comparison.improvement import LEAST_FALL, falls, falls_enough,
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
+from thermal_comp.linear.columns import LEAST_NEW_POWER
 from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
 
 MOST_ADDED_EFFECTS = 3
 """Effects that a sensor gets at most without their cause being decided."""
-LEAST_NEW_POWER_SHARE = 1e-6
-"""Share of a column's power that the others must leave, or it brings nothing new."""
 LEAST_RELATIVE_CHANGE = 1e-3
 """Relative change of held-out errors from which an effect changes anything."""
 
@@ -256,7 +255,7 @@ def _best_form(
         for axis in range(3):
             full = np.diag(training[axis])[at]
             normal = left[axis][at[:, :, None], at[:, None, :]]
-            normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER_SHARE * full + 1e-300
+            normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER * full + 1e-300
             moment = left[axis][at, -1]
             answer = np.linalg.solve(normal, moment[:, :, None])[:, :, 0]
             criterion[which] += (moment * answer).sum(axis=1) - width * np.log(sums.rows.sum())

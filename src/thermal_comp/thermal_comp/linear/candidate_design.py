@@ -14,8 +14,16 @@ from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import log_volume, orthonormal, per_axis, project_out, stack_runs
-from thermal_comp.linear.normal_equations import RANK_TOLERANCE, pseudo_solve
+from thermal_comp.linear.columns import (
+    LEAST_NEW_LENGTH,
+    LEAST_NEW_POWER,
+    log_volume,
+    orthonormal,
+    per_axis,
+    project_out,
+    stack_runs,
+)
+from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
 
@@ -63,9 +71,6 @@ class ColumnSource:
                 for run, conditions in zip(self.smoothed, self._conditions[sensor], strict=True)
             ]
         return self._kept[key]
-
-
-__all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
 COLUMNS_AT_A_TIME = 8
@@ -161,7 +166,7 @@ class CandidateDesign:
         size = self._size[list(term.columns)]
         inverse = np.where(size > 0.0, 1.0 / np.maximum(size, 1e-300), 0.0)
         further = normal * np.outer(inverse, inverse)
-        answer = np.linalg.pinv(further, rcond=1e-12, hermitian=True) @ (right * inverse)
+        answer = np.linalg.pinv(further, rcond=LEAST_NEW_POWER, hermitian=True) @ (right * inverse)
         added = further @ answer
         index = list(term.columns)
         self._normal[0][np.ix_(index, index)] += further
@@ -310,7 +315,7 @@ class CandidateDesign:
         if not terms:
             return self.target
         return np.stack([
-            target - known @ np.linalg.lstsq(known, target, rcond=1e-9)[0]
+            project_out(orthonormal(known), target)
             for known, target in zip(self.whitened_columns(terms), self.target, strict=True)
         ])  # fmt: skip
 
@@ -390,7 +395,7 @@ class CandidateDesign:
                 new -= (new @ self.base[axis]) @ self.base[axis].T
                 left[place.start - start : place.stop - start] += _power(new)
         before, size = np.sqrt(before), np.sqrt(left)
-        scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
+        scale = np.where(size > LEAST_NEW_LENGTH * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
         self._known[start:stop, :stop] = self._known[:stop, start:stop] = False
         for axis, columns in enumerate(self._columns):

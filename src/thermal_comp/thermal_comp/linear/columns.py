@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of several runs and axes beside each other, and orthonormal bases of their span."""
+"""Columns of several runs and axes beside each other, bases of their span, and the rank rule.
+
+Of columns of unit length a direction counts where at least LEAST_NEW_LENGTH is left of it beside
+the others; less is rounding, or the noise of a thermometer between two columns. Normal matrices
+hold squares: there it is LEAST_NEW_POWER. All bases and solutions go by it.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from imu_recording.recording import FloatArray
 
-DEPENDENT_DIRECTION = 1e-9
-"""Singular values of columns of unit length below this share of the largest are rounding."""
+LEAST_NEW_LENGTH = 1e-5
+"""Length that columns of unit length must have in a direction for it to count."""
+LEAST_NEW_POWER = LEAST_NEW_LENGTH**2
+"""Its square: the least eigenvalue, or the least that a column has left, of a normal matrix."""
 
 
 def per_axis(columns: FloatArray) -> tuple[FloatArray, bool]:
@@ -40,7 +47,7 @@ def stack_runs(parts: Sequence[FloatArray], *, per_run: bool) -> FloatArray:
     return whole
 
 
-def orthonormal(columns: FloatArray, tolerance: float = DEPENDENT_DIRECTION) -> FloatArray:
+def orthonormal(columns: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the span of columns (rows, p); zero columns drop.
 
     >>> orthonormal(np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0]])).shape
@@ -50,10 +57,10 @@ def orthonormal(columns: FloatArray, tolerance: float = DEPENDENT_DIRECTION) -> 
     if not (size > 0.0).any():
         return np.zeros((len(columns), 0))
     left, weights, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, weights > tolerance * weights[0]])
+    return np.asarray(left[:, weights > LEAST_NEW_LENGTH])
 
 
-def log_volume(columns: FloatArray, tolerance: float = DEPENDENT_DIRECTION) -> float:
+def log_volume(columns: FloatArray) -> float:
     """Return ln of the volume that columns (rows, p) span, of the directions `orthonormal` keeps.
 
     What their coefficients with a flat prior take of an evidence: ½ ln det XᵀX.
@@ -62,9 +69,8 @@ def log_volume(columns: FloatArray, tolerance: float = DEPENDENT_DIRECTION) -> f
     if not (size > 0.0).any():
         return 0.0
     weights = np.linalg.svd(columns[:, size > 0] / size[size > 0], compute_uv=False)
-    return float(
-        np.log(weights[weights > tolerance * weights[0]]).sum() + np.log(size[size > 0]).sum()
-    )
+    kept = weights[weights > LEAST_NEW_LENGTH]
+    return float(np.log(kept).sum() + np.log(size[size > 0]).sum())
 
 
 def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:

@@ -14,10 +14,8 @@ from scipy.linalg import solve_triangular
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State
+from thermal_comp.linear.columns import LEAST_NEW_POWER
 from thermal_comp.model.values import ModelError
-
-RANK_TOLERANCE = 1e-7
-"""Directions of a normal matrix below this share of the largest count as undetermined."""
 
 
 def pseudo_solve(
@@ -30,15 +28,11 @@ def pseudo_solve(
     inverse = np.where(size > 1e-9, 1.0 / np.maximum(size, 1e-9), 0.0)
     scaled = normal * inverse[:, None] * inverse[None, :]
     values, vectors = np.linalg.eigh(scaled)
-    kept: NDArray[np.bool_] = values > RANK_TOLERANCE
+    kept: NDArray[np.bool_] = values > LEAST_NEW_POWER
     vectors = vectors[:, kept]
     turned = vectors.T @ (right * inverse[:, None])
     answer = inverse[:, None] * (vectors @ (turned / values[kept][:, None]))
     return answer, int(kept.sum())
-
-
-LEAST_NEW_POWER = 1e-10
-"""A column of which less than this share of its power is new depends on the columns before it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
-from thermal_comp.linear.columns import orthonormal, project_out, stack_runs
+from thermal_comp.linear.columns import LEAST_NEW_LENGTH, orthonormal, project_out, stack_runs
 from thermal_comp.linear.whitening import RowWhitening
 
 
@@ -25,7 +25,7 @@ class ProjectedRows:
         self._base = [orthonormal(columns) for columns in whitening.whitened(known)]
 
     def projected(
-        self, columns: FloatArray, least_share: float
+        self, columns: FloatArray, least_share: float = LEAST_NEW_LENGTH
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return what is left (3, rows, p) of columns (rows, 3, p), and (3, p) what has been lost.
 

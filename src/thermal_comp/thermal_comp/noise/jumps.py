@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
+from thermal_comp.linear.columns import LEAST_NEW_LENGTH
 from thermal_comp.noise.saturated_model import joined_basis
 
 JUMP_DEVIATIONS = 12.0
@@ -43,7 +44,7 @@ def jump_columns(
         new = step - basis @ (basis.T @ step)
         new = new - basis @ (basis.T @ new)
         size = float(np.linalg.norm(new))
-        if size < 1e-6:
+        if size < LEAST_NEW_LENGTH * np.linalg.norm(step):
             break
         basis = np.column_stack([basis, new / size])
         left = left - np.outer(new, new @ left) / size**2

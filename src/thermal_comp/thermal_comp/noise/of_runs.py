@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import project_out
+from thermal_comp.linear.columns import orthonormal, project_out
 from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import (
     SLOW_SHARE_LN_STD,
@@ -238,7 +238,7 @@ def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:
         if not len(values):
             continue
         design = np.column_stack([np.ones(len(values)), run.temperature[rows]])
-        left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        left = project_out(orthonormal(design), values)
         squares += (left**2).sum(axis=0)
         degrees += max(len(values) - 2, 0)
         largest = max(largest, float(np.abs(values).max()))

@@ -15,7 +15,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, project_out
 from thermal_comp.noise.process import OU_TIME_CONSTANTS, Projection, Shaking, project_spectra
-from thermal_comp.noise.saturated_model import WEAKEST_DIRECTION, joined_basis
+from thermal_comp.noise.saturated_model import joined_basis
 
 LEAST_BLOCKS = 30
 """Blocks a run needs for a spectrum of its noise."""
@@ -66,8 +66,8 @@ def basis_of_rows(
     if further:
         columns = joined_basis([columns, *(c.reshape(len(run), -1) for c in further.values())])
     if shaking is not None:
-        return orthonormal(shaking.weights[:, None] * columns[valid], WEAKEST_DIRECTION)
-    return columns if valid.all() else orthonormal(columns[valid], WEAKEST_DIRECTION)
+        return orthonormal(shaking.weights[:, None] * columns[valid])
+    return columns if valid.all() else orthonormal(columns[valid])
 
 
 def not_followed(

@@ -28,10 +28,6 @@ ICE_TIMES_S = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
 ICE_TIMES_BY_DEGREES_S = ((2000.0, 1000.0), (100_000.0, 50_000.0))
 """Those of ice that grows and melts in proportion to the distance from 0 °C."""
 
-WEAKEST_DIRECTION = 1e-5
-"""Length, among columns of length one, below which a direction is only the thermometer's noise
-between two of them, and would take noise out of the residual for no effect."""
-
 LARGEST_COLUMN_SHARE = 0.4
 """Columns the model may have, as a share of the effective blocks."""
 
@@ -55,8 +51,8 @@ def repeatable_basis(run: PreparedRun) -> FloatArray:
 
 
 def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
-    """Return an orthonormal basis of all columns (m, …) together, without weak directions."""
-    return orthonormal(np.concatenate(columns, axis=1), WEAKEST_DIRECTION)
+    """Return an orthonormal basis of all columns (m, …) together."""
+    return orthonormal(np.concatenate(columns, axis=1))
 
 
 def _repeatable(run: PreparedRun) -> list[FloatArray]:

@@ -113,10 +113,10 @@ def explained_by(
         good = np.isfinite(stacked[:, axis])
         basis = orthonormal(np.column_stack(known)[good])
         left, new = project_out(basis, stacked[good, axis]), project_out(basis, own[good])
-        weights = np.linalg.lstsq(new, left, rcond=1e-9)[0]
-        curves[good, axis] = new @ weights
+        explained = left - project_out(orthonormal(new), left)
+        curves[good, axis] = explained
         total = float((left**2).sum())
-        share.append(float(((new @ weights) ** 2).sum()) / total if total > 0.0 else 0.0)
+        share.append(float((explained**2).sum()) / total if total > 0.0 else 0.0)
     by_run = {run.name: curves[edges[r] : edges[r + 1]] for r, run in enumerate(runs)}
     return by_run, (share[0], share[1], share[2])
 

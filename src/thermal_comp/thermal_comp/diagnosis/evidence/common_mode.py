@@ -10,13 +10,12 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
+from thermal_comp.linear.columns import LEAST_NEW_POWER
 
 HALF_WAVES = 48
 """Half waves over a run that are looked at."""
 HALF_WAVE_COUNTS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
-ABSORBED_POWER_SHARE = 1e-9
-"""A half wave of which less than this share of its power is left beside the base says nothing."""
 RUNS_IN_STEP_EVIDENCE = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 
@@ -73,7 +72,7 @@ def _waves(design: CandidateDesign, found: Sequence[ColumnGroup]) -> FloatArray:
             white, rows = design.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
             cross = design.base[axis][rows].T @ white
             normal = white.T @ white
-            normal -= cross.T @ cross - ABSORBED_POWER_SHARE * np.diag(np.diag(normal))
+            normal -= cross.T @ cross - LEAST_NEW_POWER * np.diag(np.diag(normal))
             triangle = np.linalg.cholesky(normal)
             amplitudes[axis, number] = np.linalg.solve(triangle, white.T @ target[rows])
     return amplitudes

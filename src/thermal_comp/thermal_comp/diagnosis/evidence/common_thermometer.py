@@ -27,6 +27,7 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.set_search import additions_to
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
+from thermal_comp.linear.normal_equations import pseudo_solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_
 def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _SensorInformation:
     state = hypotheses.conditioned(some.components, thermometer=False)
     normal, right = state.shared_equations(hypotheses.thermometer.columns)
-    left = state.chi_square - right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
+    left = state.chi_square - right @ pseudo_solve(normal, right[:, None])[0][:, 0]
     variance = max(float(left + NOISE_ROWS) / (state.rows + NOISE_ROWS), 1.0)
     size = hypotheses.design.size_of(hypotheses.thermometer)
     told = Information(normal * np.outer(size, size) / variance, right * size / variance)
