@@ -78,17 +78,12 @@ def try_candidates(
     catalogue: Mapping[str, type[Effect]],
 ) -> list[TriedEffect]:
     """Return what every candidate would take up; one whose axes share coefficients is left out."""
-    valid = [np.isfinite(run.measured[sensor]).all(axis=1) for run in runs]
+    valid = [run.valid(sensor) for run in runs]
     used = [k for k, rows in enumerate(valid) if rows.sum() > 2]
     if not used:
         return []
     runs, valid = [runs[k] for k in used], [valid[k] for k in used]
-    whitening = RowWhitening(
-        [run.slot[rows] for run, rows in zip(runs, valid, strict=True)],
-        [noise.of_run(run.name) for run in runs],
-        [run.period for run in runs],
-    )
-
+    whitening = RowWhitening.of_runs(runs, valid, noise)
     rows = ProjectedRows(whitening, [_columns(runs, valid, sensor, base)[0]])
     values = [run.measured[sensor][ok] for run, ok in zip(runs, valid, strict=True)]
     measured = rows.projected(np.concatenate(values)[:, :, None])[0][:, :, 0]

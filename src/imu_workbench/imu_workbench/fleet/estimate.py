@@ -228,7 +228,7 @@ def block_means(
     found: dict[str, list[Any]] = {name: [] for name in names}
     for r, run in enumerate(runs):
         measured = run.measured[sensor]
-        valid = np.isfinite(measured).all(axis=1)
+        valid = run.valid(sensor)
         place = np.round(run.temperature / BIN_K).astype(int)
         for bin_ in np.unique(place[valid]):
             inside = np.flatnonzero(valid & (place == bin_))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -76,9 +76,9 @@ def hold_out(
     errors, variances = _empty(design), _empty(design)
     relearned: set[str] = set()
     for part in sorted({int(k) for run in runs for k in run.cv_group if k > 0}):
-        training = _without_part(design, part)
+        training = design.over([run.cv_group != part for run in runs])
         solution = solve(training.equations())
-        line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
+        line = training.with_effects({s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
         unseen = [j for j in _unseen(training, power) if j not in held]
         told = [training.describe(j) for j in unseen if j >= training.levels]
@@ -96,12 +96,6 @@ def hold_out(
     return HeldOut(
         errors=errors, variances=variances, parts=parts, relearned=tuple(sorted(relearned))
     )
-
-
-def _without_part(design: Design, part: int) -> Design:
-    """Return the design over all blocks but those of one part."""
-    rows = [run.cv_group != part for run in design.runs]
-    return replace(design, rows=rows, white={}, gains={}, taken={})
 
 
 def _held_out_rows(
@@ -194,7 +188,8 @@ def _expected(
     valid = design.valid(run, sensor)
     weights = np.zeros_like(columns)
     weights[valid] = apply_transposed(
-        design.whitened(columns[valid], run, sensor, axis), design.gains_of(run, sensor, axis)
+        design.whitened(columns[valid], run, sensor, axis),
+        design.whitening(sensor).gains_of(run, axis),
     )
     noise = design.noise[sensor]
     shared = noise_product(noise, prepared, axis, weights)[rows]

@@ -49,7 +49,7 @@ def _slopes(run: PreparedRun) -> tuple[FloatArray, FloatArray]:
     slopes, errors = [], []
     for sensor in TELLING_SENSORS:
         values = run.measured[sensor]
-        valid = np.isfinite(values).all(axis=1)
+        valid = run.valid(sensor)
         centred = run.temperature[valid] - run.temperature[valid].mean() if valid.any() else None
         if centred is None or valid.sum() < 3 or not centred.any():
             slopes.append(np.full(3, np.nan))

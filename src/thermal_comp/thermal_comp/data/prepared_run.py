@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
 from thermal_comp.data.smoothing import smoothed_conditions
@@ -73,6 +74,11 @@ class PreparedRun:
         mean: FloatArray = total / rows.reshape(-1, *[1] * (values.ndim - 1))
         return mean
 
+    def valid(self, sensor: Sensor) -> NDArray[np.bool_]:
+        """Return the (m,) blocks in which all axes of a sensor were measured."""
+        finite: NDArray[np.bool_] = np.isfinite(self.measured[sensor]).all(axis=1)
+        return finite
+
     def columns(self, effect: Effect, sensor: Sensor) -> FloatArray:
         """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
         return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
@@ -107,6 +113,11 @@ class PreparedRun:
         parts = [decays * (self.cv_group == k)[:, None] for k in np.unique(self.cv_group)]
         columns = np.concatenate([np.zeros((len(self), 0)), *parts], axis=1)
         return columns[:, columns.any(axis=0)]
+
+    @cached_property
+    def level_columns(self) -> FloatArray:
+        """(m, 1 + q) what every fit to the run has, whatever the effects: level, `after_gaps`."""
+        return np.column_stack([np.ones(len(self)), self.after_gaps])
 
     @cached_property
     def vibration(self) -> FloatArray | None:

@@ -124,8 +124,8 @@ def _similarity(design: CandidateDesign, truth: type[Effect], rival: type[Effect
     for form in rival.sample_forms():
         known = list(design.term(form).columns)
         before, after = 0.0, 0.0
-        normal, _ = design.reduced([], wanted)
-        reduced, _ = design.reduced(known, wanted)
+        normal = design.reduced([], wanted)
+        reduced = design.reduced(known, wanted)
         before += float(np.trace(normal, axis1=1, axis2=2).sum())
         after += float(np.trace(reduced, axis1=1, axis2=2).sum())
         best = max(best, 1.0 - after / before if before > 0.0 else 0.0)

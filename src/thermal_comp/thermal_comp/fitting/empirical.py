@@ -15,7 +15,8 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
 from thermal_comp.linear.design import LEAST_DEVIATION
-from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
+from thermal_comp.linear.normal_equations import taken_out
+from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
 
 WIDTH_LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)
@@ -84,7 +85,7 @@ def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:
     training, rows = sums.training(part), int(sums.rows[(sums.part != part) | (part == 0)].sum())
     found = np.zeros((GROUP_COUNT, 3))
     for axis in range(3):
-        left = reduced(training[axis], sums.known)
+        left = taken_out(training[axis], sums.known)[0]
         powers = np.array([np.diag(left)[own[g == GROUPS]].sum() for g in range(GROUP_COUNT)])
         unit = np.sqrt(rows / np.maximum(powers, 1e-300))
         everywhere = [_climbed(left, own, unit, rows, start) for start in (0, 2)]

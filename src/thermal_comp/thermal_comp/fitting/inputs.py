@@ -69,7 +69,7 @@ def usable_sensors(runs: Sequence[PreparedRun]) -> tuple[list[Sensor], list[str]
 def _unusable(run: PreparedRun, sensor: Sensor) -> str:
     """Return why a run's sensor cannot be fitted, '' where it can."""
     values = run.measured[sensor]
-    values = values[np.isfinite(values).all(axis=1)]
+    values = values[run.valid(sensor)]
     if len(values) < 2 * len(values.T):
         found = f'only {len(values)} blocks' if len(values) else 'nothing'
         return f'run {run.name} has {found} of it'

@@ -19,7 +19,8 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
 from thermal_comp.linear.columns import LEAST_NEW_POWER
-from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
+from thermal_comp.linear.normal_equations import taken_out
+from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
 
 MOST_ADDED_EFFECTS = 3
@@ -246,7 +247,7 @@ def _best_form(
     if len(forms) == 1:
         return forms[0]
     known = columns_of(sums, beside)
-    left = [reduced(training[axis], known) for axis in range(3)]
+    left = [taken_out(training[axis], known)[0] for axis in range(3)]
     places = [np.concatenate([sums.places[part] for part in form.parts()]) for form in forms]
     criterion = np.zeros(len(forms))
     for width in {len(place) for place in places}:

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from imu_recording.recording import FloatArray, IntArray
+from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
@@ -23,7 +23,8 @@ from thermal_comp.linear.columns import (
     project_out,
     stack_runs,
 )
-from thermal_comp.linear.normal_equations import pseudo_solve
+from thermal_comp.linear.normal_equations import taken_out
+from thermal_comp.linear.product_table import ProductTable
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
 
@@ -75,8 +76,6 @@ class ColumnSource:
 
 COLUMNS_AT_A_TIME = 8
 """Columns that are whitened together: they stay in the processor's cache."""
-FIRST_COLUMN_CAPACITY = 2048
-"""Columns there is room for at first; memory that is not written to costs nothing."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ class CandidateDesign:
     """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
 
     Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
-    is its own and because an effect's column may differ between axes. Of the products of columns
-    those of one term are known at once; others are computed when they are first asked for.
+    is its own and because an effect's column may differ between axes.
     """
 
     def __init__(
@@ -116,29 +114,13 @@ class CandidateDesign:
         measured = [run.measured[sensor] for run in runs] if values is None else list(values)
         measured = [rows @ self.axes for rows in measured]
         self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
-        slots = [run.slot[ok] for run, ok in zip(runs, self.valid, strict=True)]
-        vibrations = [
-            None if run.vibration is None else run.vibration[ok]
-            for run, ok in zip(runs, self.valid, strict=True)
-        ]
-        noises = [noise.of_run(run.name) for run in runs]
-        self.whitening = RowWhitening(slots, noises, [run.period for run in runs], vibrations)
+        self.whitening = RowWhitening.of_runs(runs, self.valid, noise)
         self.rows = len(self.whitening)
-        self.cv_group: IntArray = np.concatenate(
-            [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
-        )
         self._terms: dict[Effect, ColumnGroup] = {}
-        self._columns = np.empty((3, FIRST_COLUMN_CAPACITY, self.rows))
-        self._normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
-        self._known = np.zeros((FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY), dtype=bool)
-        self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
+        self._table = ProductTable(self.rows)
         self._size = np.zeros(0)
-        self.width = 0
         self._further_chi_square = 0.0
-        levels = [
-            np.column_stack([np.ones(int(ok.sum())), run.after_gaps[ok]])
-            for run, ok in zip(runs, self.valid, strict=True)
-        ]
+        levels = [run.level_columns[ok] for run, ok in zip(runs, self.valid, strict=True)]
         known = [per_axis(stack_runs(levels, per_run=True))[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
         whitened = self.whitening.whitened(np.concatenate(known, axis=2))
@@ -151,12 +133,12 @@ class CandidateDesign:
     @contextmanager
     def trials(self) -> Iterator[None]:
         """Forget, at the end, the columns made inside: shapes are moved by the hundred."""
-        before = self.width, self._size, self._terms
+        before = self._table.width, self._size, self._terms
         self._terms = dict(self._terms)
         try:
             yield
         finally:
-            self.width, self._size, self._terms = before
+            self._table.width, self._size, self._terms = before
 
     def inform(self, term: ColumnGroup, normal: FloatArray, right: FloatArray) -> float:
         """Take equations of a shared term's coefficients, in their own units, as further rows.
@@ -168,9 +150,7 @@ class CandidateDesign:
         further = normal * np.outer(inverse, inverse)
         answer = np.linalg.pinv(further, rcond=LEAST_NEW_POWER, hermitian=True) @ (right * inverse)
         added = further @ answer
-        index = list(term.columns)
-        self._normal[0][np.ix_(index, index)] += further
-        self.right[0, index] += added
+        self._table.add(term.columns, further, added)
         self._further_chi_square += float(answer @ added)
         return float(answer @ added)
 
@@ -188,11 +168,9 @@ class CandidateDesign:
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._terms]
         if new:
             evaluated = [per_axis(self._evaluated(effect)) for effect in new]
-            place = self._append([columns for columns, _ in evaluated])
-            for effect, (columns, shared) in zip(new, evaluated, strict=True):
-                stop = place + columns.shape[2]
-                self._terms[effect] = ColumnGroup(tuple(range(place, stop)), shared)
-                place = stop
+            made = self._append([columns for columns, _ in evaluated])
+            for effect, group, (_, shared) in zip(new, made, evaluated, strict=True):
+                self._terms[effect] = replace(group, shared=shared)
         return [self._terms[effect] for effect in effects]
 
     def generic_terms(
@@ -204,58 +182,23 @@ class CandidateDesign:
 
         `runs` stand for those of the source, as with the smoothed temperature.
         """
-        made = []
+        made: list[ColumnGroup] = []
         for function, per_run in functions:
             parts = zip(runs or self.source.runs, self.valid, strict=True)
             columns = stack_runs([function(run)[ok] for run, ok in parts], per_run=per_run)
-            start = self._append([per_axis(columns)[0]])
-            made.append(ColumnGroup(tuple(range(start, self.width))))
+            made += self._append([per_axis(columns)[0]])
         return made
 
     def equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return the normal matrices (3, k, k) of k columns and their right-hand sides (3, k)."""
-        index = np.array(columns, dtype=np.int64)
-        self._multiply(index, index)
-        return self._normal[:, index[:, None], index], self.right[:, index]
+        return self._table.equations(columns)
 
     def products(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, c, c) and right-hand sides (3, c) of all columns, as views.
 
         They hold the products of `columns` with all others and those of each term, no others.
         """
-        self._multiply(np.array(columns, dtype=np.int64), np.arange(self.width))
-        return self._normal[:, : self.width, : self.width], self.right[:, : self.width]
-
-    def _multiply(self, one: IntArray, other: IntArray) -> None:
-        """Compute the products of columns with others that are not known yet."""
-        for least_share in (0.5, 0.0):  # few columns with many others, then many with few
-            lacking = ~self._known[one[:, None], other]
-            if not lacking.any():
-                return
-            rows = np.flatnonzero(lacking.sum(axis=1) > least_share * len(other))
-            if not len(rows):
-                continue
-            place = np.flatnonzero(lacking[rows].any(axis=0))
-            if least_share and _neighbours(other):
-                # A product too many takes less time than a copy of the columns about it.
-                place = np.arange(place[0], place[-1] + 1)
-            new = lacking[rows[:, None], place]
-            left, right = one[rows], other[place]
-            block, mirrored = _block(left, right), _block(right, left)
-            # Products that other sensors have informed are known and stay.
-            found = np.where(new, self._products(left, right), self._normal[:, *block])
-            self._normal[:, *block] = found
-            self._normal[:, *mirrored] = found.transpose(0, 2, 1)
-            self._known[block] = self._known[mirrored] = True
-
-    def _products(self, left: IntArray, right: IntArray) -> FloatArray:
-        """Return (3, l, r) products of columns with others; the more numerous are not copied."""
-        if len(left) > len(right):
-            return self._products(right, left).transpose(0, 2, 1)
-        few = self._columns[:, _rows(left)]
-        neighbours = np.split(right, np.flatnonzero(np.diff(right) != 1) + 1)
-        many = (self._columns[:, some[0] : some[-1] + 1] for some in neighbours)
-        return np.concatenate([few @ some.transpose(0, 2, 1) for some in many], axis=2)
+        return self._table.products(columns)
 
     def size_of(self, term: ColumnGroup) -> FloatArray:
         """(p,) norm of the term's whitened columns before they were made one long."""
@@ -264,51 +207,33 @@ class CandidateDesign:
     def solve(self, terms: Sequence[ColumnGroup]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""
         own, common = self._split(terms)
-        delta_chi2, rank, shared_normal, shared_right = self._eliminated(own, common)
-        if common:
-            full = self._normal[:, common, common].sum(axis=0)
-            answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
-            delta_chi2 += float(shared_right @ answer[:, 0])
-            rank += used
-        return delta_chi2, rank
+        whole = self._with_target([*own, *common])
+        full = np.einsum('aii->i', whole[:, len(own) : -1, len(own) : -1])
+        left, ranks = zip(*(taken_out(axis, np.arange(len(own))) for axis in whole), strict=True)
+        shared = np.sum(left, axis=0)[len(own) :, len(own) :]
+        rest, rank = taken_out(shared, np.arange(len(common)), full)
+        return -float(rest[-1, -1]), sum(ranks) + rank
 
-    def _eliminated(
-        self, own: list[int], common: list[int]
-    ) -> tuple[float, int, FloatArray, FloatArray]:
-        """Return χ² and rank of each axis's own columns, and the equations of those shared."""
-        delta_chi2, rank = 0.0, 0
-        normal, right = self.equations([*own, *common])
-        first, size = len(own), len(common)
-        shared_normal, shared_right = np.zeros((size, size)), np.zeros(size)
-        for axis in range(3):
-            rows, cross = right[axis, :first], normal[axis, :first, first:]
-            block = normal[axis, :first, :first]
-            answer, used = pseudo_solve(block, np.column_stack([rows, cross]))
-            delta_chi2 += float(rows @ answer[:, 0])
-            rank += used
-            shared_normal += normal[axis, first:, first:] - cross.T @ answer[:, 1:]
-            shared_right += right[axis, first:] - answer[:, 1:].T @ rows
-        return delta_chi2, rank, shared_normal, shared_right
-
-    def reduced(
-        self, known: Sequence[int], columns: Sequence[int]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return normal matrices (3, k, k) and right-hand sides (3, k) with `known` taken out."""
+    def reduced(self, known: Sequence[int], columns: Sequence[int]) -> FloatArray:
+        """Return normal matrices (3, k, k) of columns with `known` taken out."""
+        whole = self._with_target([*known, *columns])
         first = len(known)
-        normal, right = self.equations([*known, *columns])
-        left, left_right = normal[:, first:, first:].copy(), right[:, first:].copy()
-        for axis in range(3):
-            cross = normal[axis, :first, first:]
-            sides = np.column_stack([right[axis, :first], cross])
-            answer, _ = pseudo_solve(normal[axis, :first, :first], sides)
-            left[axis] -= cross.T @ answer[:, 1:]
-            left_right[axis] -= cross.T @ answer[:, 0]
-        return left, left_right
+        left = [taken_out(axis, np.arange(first))[0] for axis in whole]
+        return np.stack(left)[:, first:-1, first:-1]
+
+    def _with_target(self, columns: Sequence[int]) -> FloatArray:
+        """Return (3, k + 1, k + 1) products of k columns and of the target, last, its own 0."""
+        normal, right = self.equations(columns)
+        size = len(columns)
+        whole = np.zeros((3, size + 1, size + 1))
+        whole[:, :size, :size] = normal
+        whole[:, :size, size] = whole[:, size, :size] = right
+        return whole
 
     def whitened_columns(self, terms: Sequence[ColumnGroup]) -> list[FloatArray]:
         """Return per axis the (rows, p) whitened columns, those shared last."""
         own, common = self._split(terms)
-        return [self._columns[axis][[*own, *common]].T for axis in range(3)]
+        return [self._table.columns[axis][[*own, *common]].T for axis in range(3)]
 
     def residual(self, terms: Sequence[ColumnGroup] = ()) -> FloatArray:
         """Return (3, rows) what terms leave of the base model's residual, each axis by itself."""
@@ -373,69 +298,27 @@ class CandidateDesign:
             [project_out(*pair)[:, 0] for pair in zip(self.base, whitened, strict=True)]
         )
 
-    def _append(self, parts: Sequence[FloatArray]) -> int:
-        """Whiten, project and keep columns (rows, 3, p) of several parts; return their start."""
-        start = self.width
-        own, first = [], start
-        for part in parts:
-            own.append(slice(first, first + part.shape[2]))
-            first = own[-1].stop
-        stop = self.width = first
-        self._grow(stop)
-        for axis, columns in enumerate(self._columns):
-            for part, place in zip(parts, own, strict=True):
-                columns[place] = part[:, axis].T
+    def _append(self, parts: Sequence[FloatArray]) -> list[ColumnGroup]:
+        """Whiten, project and keep columns (rows, 3, p) of several parts."""
+        places = self._table.append(parts)
+        start, stop = places[0].start, places[-1].stop
         before, left = np.zeros((2, stop - start))
-        for axis, columns in enumerate(self._columns):
+        for axis, columns in enumerate(self._table.columns):
             for first in range(start, stop, COLUMNS_AT_A_TIME):
-                place = slice(first, min(first + COLUMNS_AT_A_TIME, stop))
-                new = columns[place]
+                new = columns[first : min(first + COLUMNS_AT_A_TIME, stop)]
+                here = slice(first - start, first - start + len(new))
                 self.whitening.whiten_in_place(new, axis)
-                before[place.start - start : place.stop - start] += _power(new)
+                before[here] += _power(new)
                 new -= (new @ self.base[axis]) @ self.base[axis].T
-                left[place.start - start : place.stop - start] += _power(new)
+                left[here] += _power(new)
         before, size = np.sqrt(before), np.sqrt(left)
         scale = np.where(size > LEAST_NEW_LENGTH * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
-        self._known[start:stop, :stop] = self._known[:stop, start:stop] = False
-        for axis, columns in enumerate(self._columns):
-            columns[start:stop] *= scale[:, None]
-            self.right[axis, start:stop] = columns[start:stop] @ self.target[axis]
-            for place in own:
-                self._normal[axis, place, place] = columns[place] @ columns[place].T
-        for place in own:
-            self._known[place, place] = True
-        return start
-
-    def _grow(self, width: int) -> None:
-        room = self._columns.shape[1]
-        if width > room:
-            more = max(room // 2, width - room)
-            self._columns = np.pad(self._columns, ((0, 0), (0, more), (0, 0)))
-            self._normal = np.pad(self._normal, ((0, 0), (0, more), (0, more)))
-            self._known = np.pad(self._known, (0, more))
-            self.right = np.pad(self.right, ((0, 0), (0, more)))
+        self._table.columns[:, start:stop] *= scale[:, None]
+        self._table.settle(places, self.target)
+        return [ColumnGroup(tuple(range(place.start, place.stop))) for place in places]
 
 
 def _power(columns: FloatArray) -> FloatArray:
     """Return the sums of squares of columns (p, rows)."""
     return np.asarray(np.einsum('pn,pn->p', columns, columns))
-
-
-def _neighbours(index: IntArray) -> bool:
-    """Tell whether every index follows the one before."""
-    span = index[-1] - index[0] == len(index) - 1
-    return bool(span and (index[1:] > index[:-1]).all())
-
-
-def _rows(index: IntArray) -> slice | IntArray:
-    """Return an index of rows, a slice where they are neighbours: it copies nothing."""
-    return slice(index[0], index[-1] + 1) if _neighbours(index) else index
-
-
-def _block(rows: IntArray, columns: IntArray) -> tuple[slice | IntArray, slice | IntArray]:
-    """Return the index of all elements of a matrix in given rows and columns."""
-    first, second = _rows(rows), _rows(columns)
-    if isinstance(first, slice) or isinstance(second, slice):
-        return first, second
-    return first[:, None], second

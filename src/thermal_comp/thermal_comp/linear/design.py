@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.normal_equations import NormalEquations
-from thermal_comp.linear.whitening import Gains, apply_gains, innovation_gains
+from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
 
 LEAST_DEVIATION = 1e-15
@@ -65,7 +65,7 @@ class Design:
     raw: dict[tuple[Effect, int, Sensor], FloatArray] = field(default_factory=dict)
     """Columns over all blocks; may be shared by designs of the same runs."""
     white: dict[tuple[Effect | None, int, Sensor, int], FloatArray] = field(default_factory=dict)
-    gains: dict[tuple[int, Sensor, int], Gains] = field(default_factory=dict)
+    whitenings: dict[Sensor, RowWhitening] = field(default_factory=dict)
     taken: dict[tuple[int, Sensor], NDArray[np.bool_]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -82,6 +82,10 @@ class Design:
         """Return the design of other effects on the same rows, sharing what is computed."""
         return replace(self, effects=effects)
 
+    def over(self, rows: Rows) -> Design:
+        """Return the design over other blocks, sharing the columns."""
+        return replace(self, rows=rows, white={}, whitenings={}, taken={})
+
     def level_index(self, run: int, sensor: Sensor, axis: int) -> int:
         """Return the unknown that is the level of a run, sensor and axis."""
         return (run * len(self.sensors) + self.sensors.index(sensor)) * 3 + axis
@@ -91,16 +95,16 @@ class Design:
 
         They are its level and the decays after gaps.
         """
-        decays = self.runs[run].after_gaps
-        width = decays.shape[1]
+        columns = self.runs[run].level_columns
+        width = columns.shape[1] - 1
         first = self.after_gaps[run] + (3 * self.sensors.index(sensor) + axis) * width
         index = np.append(self.level_index(run, sensor, axis), first + np.arange(width))
-        return index, np.column_stack([np.ones(len(decays)), decays])
+        return index, columns
 
     def valid(self, run: int, sensor: Sensor) -> NDArray[np.bool_]:
         """Return the (m,) blocks of a run that take part."""
         if (run, sensor) not in self.taken:
-            finite: NDArray[np.bool_] = np.isfinite(self.runs[run].measured[sensor]).all(axis=1)
+            finite = self.runs[run].valid(sensor)
             self.taken[run, sensor] = finite if self.rows is None else finite & self.rows[run]
         return self.taken[run, sensor]
 
@@ -207,23 +211,16 @@ class Design:
             self.white[key] = self.whitened(part, run, sensor, axis)
         return self.white[key]
 
-    def gains_of(self, run: int, sensor: Sensor, axis: int) -> Gains:
-        """Return the whitening filter of one axis over the blocks that take part."""
-        key = (run, sensor, axis)
-        if key not in self.gains:
-            prepared, valid = self.runs[run], self.valid(run, sensor)
-            self.gains[key] = innovation_gains(
-                prepared.slot[valid],
-                self.noise[sensor].of_run(prepared.name),
-                axis,
-                prepared.period,
-                None if prepared.vibration is None else prepared.vibration[valid],
-            )
-        return self.gains[key]
+    def whitening(self, sensor: Sensor) -> RowWhitening:
+        """Return the whitening of a sensor's blocks that take part."""
+        if sensor not in self.whitenings:
+            rows = [self.valid(run, sensor) for run in range(len(self.runs))]
+            self.whitenings[sensor] = RowWhitening.of_runs(self.runs, rows, self.noise[sensor])
+        return self.whitenings[sensor]
 
     def whitened(self, values: FloatArray, run: int, sensor: Sensor, axis: int) -> FloatArray:
         """Return values (valid blocks, q) whitened."""
-        return apply_gains(values, self.gains_of(run, sensor, axis))
+        return self.whitening(sensor).of_run(values, run, axis)
 
     def raw_columns(self, run: int, sensor: Sensor, axis: int) -> tuple[IntArray, FloatArray]:
         """Return the unknowns of one axis and their columns over all blocks, level first."""

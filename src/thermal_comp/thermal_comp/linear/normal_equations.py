@@ -21,7 +21,10 @@ from thermal_comp.model.values import ModelError
 def pseudo_solve(
     normal: FloatArray, right: FloatArray, full: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
-    """Return the minimum-norm solution and the rank; undetermined directions stay zero."""
+    """Return the minimum-norm solution and the rank; undetermined directions stay zero.
+
+    `full`: squares of the columns before others were taken out, if any were.
+    """
     if not len(normal):
         return np.zeros((0, right.shape[1])), 0
     size = np.sqrt(np.maximum(np.diag(normal) if full is None else full, 0.0))
@@ -33,6 +36,18 @@ def pseudo_solve(
     turned = vectors.T @ (right * inverse[:, None])
     answer = inverse[:, None] * (vectors @ (turned / values[kept][:, None]))
     return answer, int(kept.sum())
+
+
+def taken_out(
+    products: FloatArray, known: IntArray, full: FloatArray | None = None
+) -> tuple[FloatArray, int]:
+    """Return products (q, q) with some columns taken out of all, and the rank of those.
+
+    The target may be one of the columns: what is then less of its square is the χ² explained.
+    """
+    answer, rank = pseudo_solve(products[np.ix_(known, known)], products[known], full)
+    left: FloatArray = products - products[:, known] @ answer
+    return left, rank
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect, columns_from
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
 from thermal_comp.linear.normal_equations import pseudo_solve
-from thermal_comp.linear.whitening import apply_gains, innovation_gains
+from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.vibration import block_variances
 
@@ -122,7 +122,7 @@ def part_sums(
     white, plain, rows, part, number = [], [], [], [], []
     for r, run in enumerate(runs):
         values = run.measured[sensor]
-        valid = np.isfinite(values).all(axis=1)
+        valid = run.valid(sensor)
         level = np.nanmean(values, axis=0)
         for p in np.unique(groups[r][valid]).tolist():
             here = valid & (groups[r] == p)
@@ -135,16 +135,8 @@ def part_sums(
                 place = slice(int(starts[k]), int(starts[k + 1]))
                 fitted[:, :, place] = smoothed[k][r][here].transpose(1, 0, 2)
                 table[:, :, place] = measured[k][r][here].transpose(1, 0, 2)
-            vibration = None if run.vibration is None else run.vibration[here]
-            gains = [
-                innovation_gains(
-                    run.slot[here], noise.of_run(run.name), axis, run.period, vibration
-                )
-                for axis in range(3)
-            ]
-            whitened = np.stack(
-                [apply_gains(rows, gain) for rows, gain in zip(fitted, gains, strict=True)]
-            )
+            whitening = RowWhitening.of_runs([run], [here], noise)
+            whitened = whitening.whitened(fitted.transpose(1, 0, 2))
             for k, effect in enumerate(effects):
                 if effect.bends:
                     straight = _straight(run, effect, sensor, _span(runs, groups, p))
@@ -174,13 +166,6 @@ def part_sums(
     )
 
 
-def reduced(sums: FloatArray, known: IntArray) -> FloatArray:
-    """Return the (q, q) sums with some columns taken out of all."""
-    answer, _ = pseudo_solve(sums[np.ix_(known, known)], sums[known])
-    left: FloatArray = sums - sums[:, known] @ answer
-    return left
-
-
 def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[list[IntArray], bool]:
     """Return (m,) part of each block of each run, and whether any of them are cycles.
 
@@ -188,7 +173,7 @@ def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[list[IntArra
     """
     groups = [run.cv_group for run in runs]
     found = sum(
-        len(np.unique(group[(group > 0) & np.isfinite(run.measured[sensor]).all(axis=1)]))
+        len(np.unique(group[(group > 0) & run.valid(sensor)]))
         for run, group in zip(runs, groups, strict=True)
     )
     if found >= LEAST_HELD_OUT_PARTS:

@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import NoiseModel
 
 
@@ -116,6 +118,22 @@ class RowWhitening:
                 ]
             self._gains.append(gains[key])
 
+    @classmethod
+    def of_runs(
+        cls,
+        runs: Sequence[PreparedRun],
+        rows: Sequence[NDArray[np.bool_]],
+        noise: NoiseModel,
+    ) -> RowWhitening:
+        """Return the whitening of some blocks of each run by the noise of a sensor."""
+        pairs = list(zip(runs, rows, strict=True))
+        return cls(
+            [run.slot[taken] for run, taken in pairs],
+            [noise.of_run(run.name) for run in runs],
+            [run.period for run in runs],
+            [None if run.vibration is None else run.vibration[taken] for run, taken in pairs],
+        )
+
     def __len__(self) -> int:
         return int(self.edges[-1])
 
@@ -131,6 +149,10 @@ class RowWhitening:
     def gains_of(self, run: int, axis: int) -> Gains:
         """Return the filter of one axis of a run."""
         return self._gains[run][axis]
+
+    def of_run(self, values: FloatArray, run: int, axis: int) -> FloatArray:
+        """Return values (m, q) of one axis over a run's rows whitened."""
+        return apply_gains(values, self._gains[run][axis])
 
     def whitened(self, columns: FloatArray) -> FloatArray:
         """Return columns (rows, 3, p) whitened, (3, rows, p)."""

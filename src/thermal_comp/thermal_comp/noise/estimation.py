@@ -196,7 +196,7 @@ def _spectrum(
     None where the run is too short.
     """
     values = run.measured[sensor]
-    valid = np.isfinite(values).all(axis=1)
+    valid = run.valid(sensor)
     if valid.sum() < LEAST_BLOCKS:
         return None
     values, shaking = values[valid], vibration.shaking(run, valid)

@@ -75,7 +75,7 @@ def _spectrum(
     run: PreparedRun, sensor: Sensor, effects: tuple[Effect, ...], vibration: VibrationNoise
 ) -> ResidualSpectrum | None:
     values = run.measured[sensor]
-    valid = np.isfinite(values).all(axis=1)
+    valid = run.valid(sensor)
     if valid.sum() < LEAST_BLOCKS:
         return None
     beside = not_followed([run], sensor, effects, repeatable_basis)

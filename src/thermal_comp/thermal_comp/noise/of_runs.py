@@ -79,7 +79,7 @@ def _is_positive(noise: NoiseModel, runs: Sequence[PreparedRun]) -> bool:
 
 
 def _too_short(runs: Sequence[PreparedRun], sensor: Sensor) -> str:
-    blocks = [int(np.isfinite(run.measured[sensor]).all(axis=1).sum()) for run in runs]
+    blocks = [int(run.valid(sensor).sum()) for run in runs]
     period = runs[0].period
     return (
         f'the runs are too short to tell an effect from noise: the longest has {max(blocks)} '
@@ -115,7 +115,7 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
     vibration = noise_of_vibration(runs, sensor, [{}] * len(runs))
     steps, neighbours, strength = [np.zeros((0, 3))], [np.zeros(0, bool)], [np.zeros(0)]
     for run in runs:
-        valid = np.isfinite(run.measured[sensor]).all(axis=1)
+        valid = run.valid(sensor)
         if valid.sum() < LEAST_BLOCKS:
             continue
         shaking = vibration.shaking(run, valid)
@@ -233,7 +233,7 @@ def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:
     """Return the (3,) standard deviation of block means about a level and a line per run."""
     squares, degrees, largest = np.zeros(3), 0, 0.0
     for run in runs:
-        rows = np.isfinite(run.measured[sensor]).all(axis=1)
+        rows = run.valid(sensor)
         values = run.measured[sensor][rows]
         if not len(values):
             continue

@@ -61,7 +61,7 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     time = run.time
     branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
     spline = _spline(temperature)
-    blocks = [np.ones((len(time), 1)), run.after_gaps, spline, spline * branch[:, None]]
+    blocks = [run.level_columns, spline, spline * branch[:, None]]
     lagged = [follow(time, temperature, lag, held=True)[0] for lag in LAGS_S]
     blocks += [(temperature - followed)[:, None] for followed in lagged]
     blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS_K]

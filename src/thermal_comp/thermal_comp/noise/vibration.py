@@ -92,8 +92,7 @@ def noise_of_vibration(
     used = [
         (run, valid, further)
         for run, further in zip(runs, furthers, strict=True)
-        if run.vibration is not None
-        and (valid := np.isfinite(run.measured[sensor]).all(axis=1)).sum() >= LEAST_BLOCKS
+        if run.vibration is not None and (valid := run.valid(sensor)).sum() >= LEAST_BLOCKS
     ]
     if not used:
         return NO_VIBRATION_NOISE

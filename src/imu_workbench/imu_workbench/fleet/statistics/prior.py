@@ -96,7 +96,7 @@ def with_prior(
     for sensor in SENSORS:
         if sensor in prior.sensors and sensor in model.sensors:
             part, given = model.sensors[sensor], prior.sensors[sensor]
-            own = [run for run in runs if np.isfinite(run.measured[sensor]).all(axis=1).any()]
+            own = [run for run in runs if run.valid(sensor).any()]
             sensors[sensor], distance = _shrunk(sensor, part, own, given)
             if distance < OUTSIDE_P_VALUE:
                 warnings.append(
@@ -123,7 +123,7 @@ def _shrunk(
     levels = dict(part.levels)
     for run in runs:
         if run.name in levels:
-            rows = np.isfinite(run.measured[sensor]).all(axis=1)
+            rows = run.valid(sensor)
             columns = run.columns(part.effects[0], sensor)[rows]
             levels[run.name] = levels[run.name] + columns.mean(axis=0) @ moved
     scale = np.abs(shrunk[0]) / np.maximum(np.abs(slopes[0]), 1e-300)
