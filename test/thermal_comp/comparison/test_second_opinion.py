@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The second opinion against what a board of the test's own then does when it cools."""
+"""The second opinion against what a board of the test's own then does, when it cools or anew."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
-from thermal_comp.comparison.second_opinion import SecondOpinion, second_opinion
+from thermal_comp.comparison.second_opinion import (
+    SecondOpinion,
+    SensorOpinion,
+    on_other_logs,
+    second_opinion,
+)
+from thermal_comp.model.export.cubic import Cubic
 from thermal_comp.model.values import ModelError
 
 from .warm_ups import RAMP_S, RATE_HZ, warmed
+
+LINE_SLOPE = 2e-3
+"""Of every axis [rad/s/K]."""
 
 
 def left_when_cooling(opinion: SecondOpinion, error: FloatArray) -> float:
@@ -56,3 +67,39 @@ def test_a_constant_temperature_has_no_curve() -> None:
     steady = recording.rows(recording.temperature < 3.0)
     with pytest.raises(ModelError, match='no range for a curve'):
         second_opinion(steady, 'px4')
+
+
+def of_line(low: float, high: float, level: float, fitted: float = LINE_SLOPE) -> SecondOpinion:
+    """A log without noise from one temperature to another, and a line of slope `fitted`."""
+    temperature = np.linspace(low, high, 61)
+    measured = level + LINE_SLOPE * np.outer(temperature, np.ones(3))
+    line = np.zeros((4, 3))
+    line[1] = fitted
+    error = np.full(3, 0.1)
+    judged = SensorOpinion(Cubic(line, 0.0, low, high), error, error, error, error)
+    run = SimpleNamespace(measured={'gyroscope': measured}, temperature=temperature)
+    return SecondOpinion('quad', 'px4', (low, high), 0.0, {'gyroscope': judged}, run)
+
+
+def test_the_right_curve_leaves_nothing_whatever_the_levels() -> None:
+    found = on_other_logs([of_line(10.0, 40.0, 0.0), of_line(10.0, 40.0, 5.0)])
+    assert list(found) == ['gyroscope']
+    assert found['gyroscope'].pairs == 2
+    assert found['gyroscope'].left == pytest.approx(np.zeros(3), abs=1e-12)
+    spread = LINE_SLOPE * 30.0 / np.sqrt(12.0)  # of an even distribution over 30 K
+    assert found['gyroscope'].raw == pytest.approx(np.full(3, spread), rel=0.03)
+    assert found['gyroscope'].own == pytest.approx(np.full(3, 0.1))
+
+
+def test_twice_the_slope_leaves_as_much_as_no_curve() -> None:
+    found = on_other_logs([of_line(10.0, 40.0, 0.0, 2.0 * LINE_SLOPE)] * 2)['gyroscope']
+    assert found.left == pytest.approx(found.raw)
+
+
+def test_only_temperatures_that_both_have_seen_are_judged() -> None:
+    wide, narrow = of_line(0.0, 60.0, 0.0), of_line(20.0, 32.0, 0.0)
+    assert on_other_logs([wide, narrow])['gyroscope'].raw[0] == pytest.approx(
+        LINE_SLOPE * 12.0 / np.sqrt(12.0), rel=0.1
+    )
+    assert on_other_logs([narrow, of_line(30.0, 60.0, 0.0)]) == {}
+    assert on_other_logs([wide]) == {}

@@ -15,8 +15,13 @@ from imu_recording.plausibility import admitted
 from imu_recording.recording import STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 from thermal_comp.comparison.compare import rms_of
-from thermal_comp.comparison.other_logs import OtherLogs, on_other_logs
-from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion, second_opinion
+from thermal_comp.comparison.second_opinion import (
+    OtherLogs,
+    SecondOpinion,
+    SensorOpinion,
+    on_other_logs,
+    second_opinion,
+)
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.motion import refuse_moving
 from thermal_comp.data.quality import check_recording

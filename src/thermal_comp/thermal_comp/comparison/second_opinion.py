@@ -9,10 +9,16 @@ hysteresis is smaller. The time constant may be each of LAGS_S, the half-width e
 HALF_WIDTHS_K, or there is neither. For each of these the coefficients are normally distributed, as
 the noise is known, and the forms are weighted by their evidence (MacKay, Information Theory,
 Inference, and Learning Algorithms, 2003, ch. 28).
+
+Parts of the log are held out here and not by `held_out`, as an autopilot's script fits samples,
+not a design. Where there are several logs of a device, each curve is tried on the others: each
+power-on has a level of its own, which no curve knows, so errors are about the level of the log
+they are taken on.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -66,6 +72,8 @@ LEAST_TWO_WAY_SHARE = 0.4
 """Share of the range passed warming and cooling from which a log can tell a lag from a curve."""
 LEAST_SPAN_K = 5.0
 """Range of temperature that a curve needs [K]."""
+LEAST_COMMON_K = 3.0
+"""Range of temperature that two logs have to share [K]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +113,20 @@ class SecondOpinion:
     def decidable(self) -> bool:
         """Whether the log can tell a lag from a curve."""
         return self.both_ways >= LEAST_TWO_WAY_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class OtherLogs:
+    """Errors of the curves of a sensor on other logs than their own, rms per axis, (3,) [unit]."""
+
+    pairs: int
+    """Number of curves times the other logs that share temperatures with each."""
+    raw: FloatArray
+    """Before anything is subtracted."""
+    left: FloatArray
+    """With the curve of another log."""
+    own: FloatArray
+    """With the curve of the rest of the same log, held out."""
 
 
 def second_opinion(
@@ -150,6 +172,46 @@ def second_opinion(
     )
 
 
+def on_other_logs(opinions: Sequence[SecondOpinion]) -> Mapping[Sensor, OtherLogs]:
+    """Return the errors of the curves of a device on its other logs, by sensor."""
+    found = {}
+    for sensor in INERTIAL_SENSORS:
+        known = [opinion for opinion in opinions if sensor in opinion.sensors]
+        errors = [
+            squares
+            for one, other in itertools.permutations(known, 2)
+            if (squares := _squares(one, other, sensor)) is not None
+        ]
+        if errors:
+            raw, left = (np.concatenate(part) for part in zip(*errors, strict=True))
+            own = np.stack([opinion.sensors[sensor].held_out for opinion in known])
+            found[sensor] = OtherLogs(
+                pairs=len(errors),
+                raw=np.sqrt(raw.mean(axis=0)),
+                left=np.sqrt(left.mean(axis=0)),
+                own=np.sqrt((own**2).mean(axis=0)),
+            )
+    return found
+
+
+def _squares(
+    one: SecondOpinion, other: SecondOpinion, sensor: Sensor
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return (m, 3) squared errors of the blocks of `other`, raw and with the curve of `one`."""
+    left, seen = _left(one.sensors[sensor].cubic, other.run, sensor)
+    if not seen.any() or np.ptp(other.run.temperature[seen]) < LEAST_COMMON_K:
+        return None
+    before, after = other.run.measured[sensor][seen], left[seen]
+    return (before - before.mean(axis=0)) ** 2, (after - after.mean(axis=0)) ** 2
+
+
+def _left(cubic: Cubic, run: PreparedRun, sensor: Sensor) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return (m, 3) block means minus a curve, and (m,) where it was fitted to the temperature."""
+    left = run.measured[sensor] - cubic.error(run.temperature)
+    seen = np.isfinite(left).all(axis=1)
+    return left, seen & (run.temperature >= cubic.low) & (run.temperature <= cubic.high)
+
+
 def _fitted(
     fit: AutopilotFit, recording: ImuRecording, sensor: Sensor, rows: NDArray[np.bool_]
 ) -> Cubic:
@@ -163,16 +225,13 @@ def _held_out(
     fit: AutopilotFit, recording: ImuRecording, run: PreparedRun, sensor: Sensor
 ) -> FloatArray:
     """Return (3,) rms that the cubic of the rest leaves on each part of the log."""
-    measured = run.measured[sensor]
     edges = run.time - 0.5 * run.period
     block = np.clip(np.searchsorted(edges, recording.time, side='right') - 1, 0, len(run) - 1)
     part = run.cv_group[block]
     squares = []
     for held in range(1, int(run.cv_group.max()) + 1):
         cubic = _fitted(fit, recording, sensor, part != held)
-        left = measured - cubic.error(run.temperature)
-        seen = np.isfinite(left).all(axis=1)
-        seen &= (run.temperature >= cubic.low) & (run.temperature <= cubic.high)
+        left, seen = _left(cubic, run, sensor)
         inside = run.cv_group == held
         squares.append((left[inside & seen] - left[~inside & seen].mean(axis=0)) ** 2)
     return np.sqrt(np.concatenate(squares).mean(axis=0))

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
-from thermal_comp.linear.design import LEAST_DEVIATION
+from thermal_comp.linear.design import prior_precision
 from thermal_comp.linear.normal_equations import taken_out
 from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
@@ -73,7 +73,7 @@ def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> 
     for part in sums.parts():
         columns, penalty = sums.known, np.zeros((3, len(sums.known)))
         if part in widths:
-            prior = 1.0 / np.maximum(widths[part][GROUPS], LEAST_DEVIATION) ** 2
+            prior = prior_precision(widths[part][GROUPS])
             columns = np.concatenate([columns, own])
             penalty = np.concatenate([penalty, prior.T], axis=1)
         left.append(sums.errors(part, columns, penalty))

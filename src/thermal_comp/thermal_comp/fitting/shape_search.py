@@ -13,8 +13,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.design import Design, Term
-from thermal_comp.linear.free_term import FreeTerm
+from thermal_comp.linear.design import Design, FreeTerm, Term
 
 GRID_POINTS = 13
 """Points of the first search along a logarithmic parameter; linear ones have three times more."""

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stacked, whitened design of one or more sensors that share coefficients."""
+"""The stacked, whitened design of one or more sensors that share coefficients.
+
+The form of one of its terms may be free: everything else is then eliminated once.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.normal_equations import NormalEquations
+from thermal_comp.linear.normal_equations import Factor, NormalEquations, factor
 from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
 
@@ -24,6 +27,12 @@ Rows = Sequence[NDArray[np.bool_]]
 """Which blocks of each run take part."""
 RightHandSides = Mapping[tuple[int, Sensor], FloatArray]
 """(m, 3, q) values over the blocks of a run, by run number and sensor."""
+
+
+def prior_precision(deviations: FloatArray) -> FloatArray:
+    """Return what prior standard deviations of coefficients add to the diagonal of XᵀX."""
+    precision: FloatArray = 1.0 / np.maximum(deviations, LEAST_DEVIATION) ** 2
+    return precision
 
 
 @dataclass(frozen=True)
@@ -169,7 +178,7 @@ class Design:
             deviations = term.effect.coefficient_deviations()
             if deviations is not None:
                 place = np.arange(term.unknowns.start, term.unknowns.stop)
-                gram[place, place] += 1.0 / np.maximum(deviations.ravel(), LEAST_DEVIATION) ** 2
+                gram[place, place] += prior_precision(deviations).ravel()
         return NormalEquations(gram, moment, energy, rows)
 
     def pieces(self) -> list[tuple[int, Sensor, int]]:
@@ -248,3 +257,67 @@ class Design:
                 terms.append(Term(effect, sharing if effect.coupled else (sensor,), start, shape))
                 start = terms[-1].unknowns.stop
         return terms
+
+
+@dataclass(frozen=True, eq=False)
+class FreeTerm:
+    """A term whose form is searched beside columns that stand: those are eliminated once.
+
+    With FᵀF = L Lᵀ of the columns F that stand, columns X of the term leave
+    χ² = χ²_F − |S^(−½) (Xᵀy − Aᵀb)|², where A = L⁻¹FᵀX, b = L⁻¹Fᵀy and S = XᵀX − AᵀA
+    (variable projection: Golub and Pereyra, SIAM Journal on Numerical Analysis 10, 1973).
+    """
+
+    design: Design
+    term: Term
+    pieces: Mapping[tuple[int, Sensor, int], tuple[IntArray, FloatArray, FloatArray]]
+    """Run, sensor and axis the term acts on → unknowns, whitened F and y."""
+    size: int
+    """Unknowns of the columns that stand."""
+    known: Factor
+    half: FloatArray
+    """b."""
+    chi_square: float
+    """Of the columns that stand alone."""
+
+    @classmethod
+    def of(cls, design: Design, term: Term) -> FreeTerm:
+        """Return the term of a design, with everything else eliminated."""
+        others = design.with_effects(
+            {
+                sensor: tuple(e for e in listed if sensor not in term.sensors or e != term.effect)
+                for sensor, listed in design.effects.items()
+            }
+        )
+        equations = others.equations()
+        known = factor(equations.gram)
+        half = known.half(equations.moment)[:, 0]
+        left = float(equations.energy[0] - half @ half)
+        pieces = {key: others.piece(*key) for key in others.pieces() if key[1] in term.sensors}
+        return cls(design, replace(term, start=0), pieces, others.size, known, half, left)
+
+    def least_squares(self, effect: Effect) -> float:
+        """Return the least whitened sum of squares with the term in the form of `effect`."""
+        design, term = self.design, self.term
+        size = int(np.prod(term.shape))
+        gram, moment = np.zeros((size, size)), np.zeros(size)
+        across = np.zeros((self.size, size))
+        every: dict[tuple[int, Sensor], FloatArray] = {}
+        for (run, sensor, axis), (index, standing, right) in self.pieces.items():
+            if (run, sensor) not in every:
+                columns = design.runs[run].columns(effect, sensor)
+                every[run, sensor] = columns[design.valid(run, sensor)]
+            columns = every[run, sensor]
+            part = columns[:, axis] if columns.ndim == 3 else columns
+            white = design.whitened(part, run, sensor, axis)
+            place = term.indices(run, axis, white.shape[1])
+            gram[np.ix_(place, place)] += white.T @ white
+            moment[place] += white.T @ right[:, 0]
+            across[np.ix_(index, place)] += standing.T @ white
+        deviations = effect.coefficient_deviations()
+        if deviations is not None:
+            gram.flat[:: size + 1] += prior_precision(deviations).ravel()
+        reduced = self.known.half(across)
+        new = factor(gram - reduced.T @ reduced, np.diag(gram))
+        new_half = new.half((moment - reduced.T @ self.half)[:, None])
+        return max(self.chi_square - float((new_half**2).sum()), 0.0)

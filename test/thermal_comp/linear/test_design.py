@@ -8,8 +8,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.design import Design
-from thermal_comp.linear.free_term import FreeTerm
+from thermal_comp.linear.design import Design, FreeTerm
 from thermal_comp.linear.normal_equations import solve
 from thermal_comp.noise.estimation import fit_noise
 
