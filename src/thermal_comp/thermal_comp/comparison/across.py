@@ -3,8 +3,10 @@
 
 For every ordered pair of devices the model fitted to the one is applied to the runs of the other,
 levels taken from these runs. It is compared with no model, and with the device's own model on runs
-that it was not fitted to. Two values of a coefficient are compatible where they
-differ by at most twice the standard uncertainty of their difference (JCGM 200:2012, 2.47).
+that it was not fitted to: whole runs are held out, with levels of their own, as another device has
+no part of a run from which `held_out` could take them. Two values of a coefficient are compatible
+where they differ by at most twice the standard uncertainty of their difference (JCGM 200:2012,
+2.47).
 """
 
 from __future__ import annotations

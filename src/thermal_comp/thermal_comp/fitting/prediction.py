@@ -116,8 +116,7 @@ def _held_out_error(
 ) -> float:
     """Return the sum of squares that effects leave on held-out parts, over the noise's."""
     sums = part_sums(runs, sensor, effects, (), noise)
-    free = np.zeros((3, len(sums.known)))
-    errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
+    errors = [sums.errors(part, sums.known) for part in sums.parts()]
     return float((np.concatenate(errors) / sums.variance).sum())
 
 
@@ -228,8 +227,7 @@ def _with(
             effects = (*effects[:k], again, *effects[k + 1 :])
         chosen[part] = effects
         if part:
-            columns = columns_of(sums, effects)
-            errors.append(sums.errors(part, columns, np.zeros((3, len(columns)))))
+            errors.append(sums.errors(part, columns_of(sums, effects)))
     listed = (*(before.names if before else ()), *names)
     return Selection(listed, chosen, np.concatenate(errors))
 

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Products of columns summed over parts of runs: fits without a part, and the error on it."""
+"""Products of columns summed over parts of runs: fits without a part, and the error on it.
+
+`comparison.held_out` refits a model without each part and says what noise would leave; a search
+asks for the error of thousands of forms, of which each here takes one solution of small sums.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +81,9 @@ class PartSums:
         own = (self.part == part) & np.array([int(r) in told for r in self.run])
         return np.flatnonzero(own)
 
-    def errors(self, part: int, columns: IntArray, penalty: FloatArray) -> FloatArray:
+    def errors(
+        self, part: int, columns: IntArray, penalty: FloatArray | None = None
+    ) -> FloatArray:
         """(pieces of the part, 3) mean square of what a fit to the rest leaves [unit²].
 
         `penalty` (3, columns) is added to the diagonal of the normal equations.
@@ -85,7 +91,9 @@ class PartSums:
         sums, pieces = self.training(part), self.held_out(part)
         found = np.empty((len(pieces), 3))
         for axis in range(3):
-            normal = sums[axis][np.ix_(columns, columns)] + np.diag(penalty[axis])
+            normal = sums[axis][np.ix_(columns, columns)]
+            if penalty is not None:
+                normal += np.diag(penalty[axis])
             answer = pseudo_solve(normal, sums[axis][columns, -1:])[0][:, 0]
             weights, place = np.append(-answer, 1.0), np.append(columns, sums.shape[1] - 1)
             blocks = self.plain[axis][pieces][:, place[:, None], place]

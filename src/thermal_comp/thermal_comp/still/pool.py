@@ -376,7 +376,10 @@ class Pool:
         )
 
     def _held_out(self) -> tuple[FloatArray, FloatArray]:
-        """Return (3,) rms about the level of each stretch, before and after, logs held out."""
+        """Return (3,) rms about the level of each stretch, before and after, logs held out.
+
+        Not by `comparison.held_out`: levels are solved for together, beyond a design's equations.
+        """
         sigma = [solution.sigma for solution in self._answer.each]
         logs = np.unique(self._of_log[self._kept])
         if len(logs) < 2:
