@@ -19,6 +19,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.model.values import SensorModel, ThermalModel
 
 LARGEST_CHANCE = 1e-6
@@ -65,7 +66,7 @@ def _changed(
     after = now.effects[index]
     moved = _moved_shapes(effect, after, before, now)
     spread = _block(before, index) + _block(now, index)
-    weight = np.linalg.pinv(spread, rcond=1e-12, hermitian=True)
+    weight, _ = pseudo_solve(spread, np.eye(len(spread)))
     difference = (new - old).ravel()
     wald = float(difference @ weight @ difference)
     share = _share(sensor, effect, after, old, new, runs, floor)

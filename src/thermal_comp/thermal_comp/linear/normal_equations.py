@@ -28,7 +28,7 @@ def pseudo_solve(
     if not len(normal):
         return np.zeros((0, right.shape[1])), 0
     size = np.sqrt(np.maximum(np.diag(normal) if full is None else full, 0.0))
-    inverse = np.where(size > 1e-9, 1.0 / np.maximum(size, 1e-9), 0.0)
+    inverse = np.where(size > 0.0, 1.0 / np.maximum(size, 1e-300), 0.0)
     scaled = normal * inverse[:, None] * inverse[None, :]
     values, vectors = np.linalg.eigh(scaled)
     kept: NDArray[np.bool_] = values > LEAST_NEW_POWER
