@@ -6,14 +6,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
 from thermal_comp.data.smoothing import smoothed_conditions
-from thermal_comp.effects.effect import Effect
+
+if TYPE_CHECKING:
+    from thermal_comp.effects.effect import Effect
 
 SHORTEST_GAP_S = 120.0
 """Length of a gap from which the temperatures in it count as unknown [s] …"""

@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from thermal_comp.comparison.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
 from thermal_comp.linear.part_sums import PartSums, part_sums, reduced

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thermal_comp.comparison.improvement import rises
 from thermal_comp.data.acting_channels import topics_to_log
+from thermal_comp.data.improvement import rises
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.comparison import comparison_text
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermal_comp.comparison.second_opinion import SecondOpinion
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.presentation.comparison import AXES
 
 if TYPE_CHECKING:
+    from thermal_comp.comparison.second_opinion import SecondOpinion
     from thermal_comp.presentation.picture import Picture
 
 
