@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
-from thermal_comp.comparison.second_opinion import SecondOpinion, second_opinion
 from thermal_comp.model.values import ModelError
+from thermal_comp.second_opinion.opinion import SecondOpinion, second_opinion
 
 from .warm_ups import RAMP_S, RATE_HZ, warmed
 

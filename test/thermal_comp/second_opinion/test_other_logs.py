@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from thermal_comp.comparison.other_logs import on_other_logs
-from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion
-from thermal_comp.model.export.cubic import Cubic
+from thermal_comp.export.cubic import Cubic
+from thermal_comp.second_opinion.opinion import SecondOpinion, SensorOpinion
+from thermal_comp.second_opinion.other_logs import on_other_logs
 
 SLOPE = 2e-3
 """Of every axis [rad/s/K]."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.comparison.second_opinion import SecondOpinion
 from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor
+from thermal_comp.second_opinion.opinion import SecondOpinion
 
 LEAST_COMMON_K = 3.0
 """Range of temperature that two logs have to share [K]."""
