@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.data.improvement import rises
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.html_table import html_table
@@ -26,7 +27,7 @@ VERDICTS = {
     'data_quality': 'the data have defects; they were left out of what follows',
 }
 """Verdicts in words."""
-TOPICS = topics_to_log()
+TOPICS = topics_to_log(EFFECTS)
 """Topic to log, by the channel that is missing."""
 DEFECTS = {
     'saturation': 'choose a wider full scale or remove the magnet',

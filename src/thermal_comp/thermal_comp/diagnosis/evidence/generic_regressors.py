@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,6 +20,8 @@ from thermal_comp.data.acting_channels import (
 )
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
@@ -58,7 +60,9 @@ class GenericRegressor:
         return not self.unlogged or self.depends_on == 'phase'
 
 
-def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
+def generic_regressors(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
     runs = design.source.smoothed
     spans = _spans(runs)
@@ -99,7 +103,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
-    lost = lost_channels(design)
+    lost = lost_channels(design, catalogue)
     # The field of a machine stands still in the chamber: each orientation sees it turned.
     turned = design.sensor == 'magnetometer' and len(runs) > 1
     chamber = any(
@@ -146,19 +150,23 @@ def all_variables(design: CandidateDesign, regressors: Sequence[GenericRegressor
     return together
 
 
-def lost_channels(design: CandidateDesign) -> list[str]:
-    """Return the channels that can act on the sensor and that no run has logged."""
+def lost_channels(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> list[str]:
+    """Return the channels through which an effect can act on the sensor and that no run logged."""
     runs = design.source.runs
     return [
         channel.field
-        for channel in acting_on(design.sensor)
+        for channel in acting_on(design.sensor, catalogue)
         if not any(run.conditions.has(channel.field) for run in runs)
     ]
 
 
-def lost_over_time(design: CandidateDesign) -> str:
+def lost_over_time(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> str:
     """Return the lost channel that may have any course over time, '' for none."""
-    return _possible_channel(design, 'time', lost_channels(design))
+    return _possible_channel(design, 'time', lost_channels(design, catalogue))
 
 
 def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
