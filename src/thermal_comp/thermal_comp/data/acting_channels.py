@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Logged quantities other than temperatures that act on sensors, and by which way."""
+"""Logged quantities other than temperatures that act on sensors, directly or through others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thermal_comp.effects.effect import Effect
 
 THERMAL_CHANNELS = tuple(name for name in THERMOMETER_FIELDS if name in CHANNELS)
-"""Channels that tell how heat reaches the die."""
+"""Temperatures around the die."""
 MACHINES = ('heater', 'compressor')
 """Channels of the chamber's machines that make heat and cold."""
 
@@ -27,8 +27,8 @@ class ActingChannel:
     field: str
     """Field of ImuRecording."""
     through: tuple[str, ...] = ()
-    """Channels through which it may act, likeliest first: what follows it is theirs where they
-    were not logged."""
+    """Channels through which it may act, likeliest first. Where they were not logged, a residual
+    that follows it is attributed to the first of them."""
 
     @property
     def label(self) -> str:

@@ -68,7 +68,9 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
         if state.get('smallest_found'):
             lines.append(f'    would have been found: {_range_found(sensor, state)}')
         if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
-            lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
+            lines.append(
+                f'    worst: {"; ".join(_where_text(where) for where in state["where"][:3])}'
+            )
     lines += undecided_lines(content.get('undecided', ()))
     lines += [f'  undetermined: {text}' for text in content['undetermined']]
     lines += _greyed_lines(content['greyed_out'])
@@ -243,7 +245,7 @@ def _times(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-def _place(where: Mapping[str, Any]) -> str:
+def _where_text(where: Mapping[str, Any]) -> str:
     ratio = f'{where["ratio"]:.1f} × floor'
     if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
         return f'{where["phase"]} {where["cycle"]} {ratio}'

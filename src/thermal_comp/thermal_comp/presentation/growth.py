@@ -43,7 +43,7 @@ def growth_text(content: Mapping[str, Any]) -> str:
 
 
 def _doubt_about_fall(step: Mapping[str, Any]) -> str:
-    """Return that the held-out error may not have fallen; '' where its fall is beyond chance."""
+    """Return a remark where the held-out error falls no more than by chance; '' elsewhere."""
     if step['lowered']:
         return ''
     if step['error_after'] >= step['error_before']:

@@ -12,23 +12,23 @@ from imu_recording.recording import FloatArray
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 HALF_WAVES = 48
-"""Half waves over a run that are looked at."""
+"""Number of half waves over a run that are compared."""
 HALF_WAVE_COUNTS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
 ABSORBED_POWER_SHARE = 1e-9
-"""A half wave of which less than this share of its power is left beside the base says nothing."""
+"""Share of its power left beside the base, below which a half wave does not count."""
 RUNS_IN_STEP_EVIDENCE = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 
 
 @dataclass(frozen=True)
 class Coherence:
-    """What speaks for a common mode; 2 ln of the Bayes factor, about −5 for noise alone."""
+    """Evidence for a common mode: 2 ln of the Bayes factor, about −5 for noise alone."""
 
     axes: float
-    """The axes share it."""
+    """That the axes share it."""
     runs: float
-    """The runs share it too, at the same time since their beginning."""
+    """That the runs share it too, at the same time since their beginning."""
 
     @property
     def evidence(self) -> float:

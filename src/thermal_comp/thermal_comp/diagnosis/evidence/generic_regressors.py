@@ -32,9 +32,9 @@ ROOM_C = 22.0
 TURN_K = 0.5
 """Half-width of the play that tells a turn of the temperature from its noise [K]."""
 LAGS_S = (300.0, 1200.0)
-"""A channel's effect may follow it this slowly [s]."""
+"""Time constants with which an effect may follow a channel [s]."""
 SETTLING_S = (60.0, 200.0)
-"""What a channel's switching leaves behind may settle this slowly [s]."""
+"""Time constants with which an effect may settle after a channel has switched [s]."""
 
 
 CHANNEL_CURVES = ', its lags and products'
@@ -50,13 +50,13 @@ class GenericRegressor:
     name: str
     term: ColumnGroup
     unlogged: str = ''
-    """Channel whose absence it would betray; '' where it is a law of what was logged."""
+    """Unlogged channel that would cause such a dependence; '' for a law of what was logged."""
     suspect: str = ''
     """Lost channel that may have the same course by chance; '' for none."""
 
     @property
     def may_be_law(self) -> bool:
-        """Whether a law of logged variables may be it; one of history repeats with the cycle."""
+        """Whether it may be a law of logged variables; one of history repeats with the cycle."""
         return not self.unlogged or self.depends_on == 'phase'
 
 
@@ -125,7 +125,7 @@ def generic_regressors(
 def _regressor(
     design: CandidateDesign, depends_on: str, name: str, term: ColumnGroup, lost: Sequence[str]
 ) -> GenericRegressor:
-    """Return a regressor with the lost channel it would betray, or that may look like it."""
+    """Return a regressor with the lost channel that would cause it, or may look like it."""
     betrayed = _channel_behind(design, depends_on, lost)
     suspect = '' if betrayed else _possible_channel(design, depends_on, lost)
     return GenericRegressor(depends_on, name, term, betrayed, suspect)
@@ -139,11 +139,11 @@ SMOOTH_CURVES = (
     'curve over time',
     'curve over temperature that changes with time',
 )
-"""Regressors that together follow anything smooth of temperature, rate and time."""
+"""Regressors that together follow any smooth function of temperature, rate and time."""
 
 
 def all_variables(design: CandidateDesign, regressors: Sequence[GenericRegressor]) -> ColumnGroup:
-    """Return a smooth function of temperature and branch, rate, time and what channels say."""
+    """Return a smooth function of temperature and branch, rate, time and the logged channels."""
     parts = [r for r in regressors if r.name in SMOOTH_CURVES or r.name.endswith(CHANNEL_CURVES)]
     together = ColumnGroup(tuple(c for part in parts for c in part.term.columns))
     design.equations(together.columns)  # the products of one part with another, too
