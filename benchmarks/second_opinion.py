@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from thermal_comp.comparison.second_opinion import second_opinion
+from thermal_comp.second_opinion.opinion import second_opinion
 from verdict import Verdict, judge
 
 from imu_recording import ImuRecording

@@ -15,7 +15,7 @@ setup(
         NAME: [
             'py.typed',
             '*.yaml',
-            *(f'model/export/*.{suffix}' for suffix in ('in', 'cmake', 'package.xml')),
+            *(f'export/*.{suffix}' for suffix in ('in', 'cmake', 'package.xml')),
         ]
     },
     data_files=[

@@ -98,6 +98,28 @@ def test_no_module_imports_in_a_circle() -> None:
     TopologicalSorter(graph).prepare()  # raises CycleError with the circle
 
 
+STILL_MUTUAL = {('data', 'effects'), ('data', 'linear'), ('linear', 'noise')}
+"""Packages of thermal_comp that import each other: conditions are data, which operators filter and
+columns describe; part sums weigh blocks by the noise of vibration."""
+
+
+def test_packages_of_thermal_comp_import_one_way() -> None:
+    root = SRC / 'thermal_comp' / 'thermal_comp'
+    packages = {path.name for path in root.iterdir() if (path / '__init__.py').is_file()}
+    graph: dict[str, set[str]] = {name: set() for name in packages}
+    for path in root.glob('*/**/*.py'):
+        body = ast.parse(path.read_text()).body
+        names = {n.module for n in body if isinstance(n, ast.ImportFrom) and n.module}
+        above = path.relative_to(root).parts[0]
+        graph[above] |= {name.split('.')[1] for name in names if name.startswith('thermal_comp.')}
+    for one, other in STILL_MUTUAL:
+        assert other in graph[one]  # else strike the pair from the list
+        assert one in graph[other]
+        graph[one].discard(other)
+    own = {name: (found & packages) - {name} for name, found in graph.items()}
+    TopologicalSorter(own).prepare()  # raises CycleError with the circle
+
+
 def test_nodes_that_compute_nothing_start_without_compiler_and_bag_library() -> None:
     nodes = 'chamber_profile.node, chamber_profile.reference.node, imu_driver.node'
     code = f'import sys, {nodes}; print(*{{"numba", "rosbags", "scipy"}} & sys.modules.keys())'

@@ -16,14 +16,15 @@ LEAST_CHANGES = 30
 LEAST_ROWS = 3
 """Rows per measurement from which repetition matters."""
 ON_TIME_SHARE = 0.95
-"""Least share of the changes that come whole periods after the one before, to one row …"""
+"""Least share of the changes that come on time: whole periods after the one before, to one row, or
+to two where the period is long."""
 LONG_PERIOD_ROWS = 20.0
-"""… or to two, where a period has at least this many rows."""
+"""Rows in a period from which it is long."""
 LONG_INTERVALS = 10
 """Least number of intervals of two periods and more, on time, that show a period and no slow,
-coarse sensor …"""
+coarse sensor."""
 CHANCE_PROBABILITY = 0.5
-"""… where the probability of being on time by chance is at most this."""
+"""Largest probability of being on time by chance with which a period is known."""
 UNEVEN_STEP_RATIO = 1.5
 """Ratio to the smallest step from which steps differ in size: those of a resolution are equal."""
 

@@ -22,9 +22,9 @@ LEAST_SWING_SHARE = 0.6
 LEAVING_SHARE = 0.1
 """The first cycle starts when the temperature has moved by this share of its span."""
 LEVEL_TOLERANCE_SHARE = 0.2
-"""Cycles repeat where turning points of one side differ by less than this share of the span …"""
+"""Largest difference of turning points of one side where cycles repeat, as a share of the span."""
 LENGTH_TOLERANCE_FACTOR = 1.35
-"""… and lengths of cycles are within this factor of the median."""
+"""Largest ratio of lengths of such cycles to their median."""
 MOST_SEARCHED_ROWS = 20_000
 """Number of rows in which cycles are looked for, at most about."""
 

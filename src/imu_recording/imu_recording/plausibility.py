@@ -48,9 +48,9 @@ pressures from vacuum to two kilometres under water."""
 LATER_JUDGED = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
 """Fields whose defects a diagnosis names itself (`sensors` False)."""
 DAMAGED_SHARE = 0.01
-"""Largest share of impossible values that is damage, which is left out; more is another unit …"""
+"""Largest share of impossible values that is damage, which is left out; more is another unit."""
 ALONE_SHARE = 0.2
-"""… unless each stands alone between possible ones (a thermometer's error code): largest share."""
+"""The same where each stands alone between possible values, as a thermometer's error code does."""
 FOREIGN_UNITS = {
     'humidity': {'%': (1.1, 110.0)},
     'supply_voltage': {'mV': (1e3, 6e4)},
@@ -78,10 +78,10 @@ QUIET_FORCE_STEP = 0.1
 REST_RATE = 0.6
 """Largest mean rate at rest [rad/s]: the zero-rate level of consumer gyroscopes is ±30 °/s."""
 REST_NOISE = 0.006
-"""Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s …"""
+"""Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s."""
 REST_DENSITY = 0.003
-"""… and a step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much again
-where single samples were logged."""
+"""Largest such step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much
+again where single samples were logged."""
 PREDICTING_ROWS = 8
 """Number of rows from which the next is predicted: a spectral line takes two."""
 COARSEST_RATE = 0.003
@@ -92,18 +92,17 @@ LEAST_DISTINCT_VALUES = 5
 DENSITY_PERIOD_S = 2.0
 """Longest period whose noise density is compared [s]; slower rows may be of a wide band."""
 FAHRENHEIT_EXCESS_K = 25.0
-"""A die temperature at least so much above its chamber's [K] is in °F where …"""
+"""Least distance of a die temperature in °F above its chamber's, or the other way round [K]."""
 CELSIUS_DISTANCE_K = 10.0
-"""… it is within this of the chamber's when converted [K], and …"""
+"""Largest distance from the other when it is converted [K]."""
 FAHRENHEIT_SLOPE_RATIO = 1.2
-"""… rises at least this many times as much, or the chamber's does not change; and the chamber's is
-in °F where it is the other way round."""
+"""Least ratio of its change to that of the other, unless that does not change."""
 LEAST_CHAMBER_SPAN = 5.0
 """Span of the chamber's temperature from which the slope is compared [K]."""
 HOTTEST_RATED = 105.0
-"""Greatest temperature that MEMS sensors are rated for, 85 or 105 [°C]: a recording beyond it …"""
+"""Greatest temperature that MEMS sensors are rated for, 85 or 105 [°C]."""
 COLDEST_FAHRENHEIT = 0.0
-"""… that stays above this is in °F (0 °F is −18 °C)."""
+"""A recording beyond HOTTEST_RATED that stays above this is in °F (0 °F is −18 °C)."""
 ROOM_IN_FAHRENHEIT = (60.0, 131.0)
 """Least and greatest temperature of a die switched on in a room, 15 … 55 °C, in °F."""
 ROUND_STEP = 1e-3

@@ -14,10 +14,10 @@ from imu_recording.ros.messages import ImuSample, Vector
 FIRST_SAMPLES = 20
 """Number of samples of the first check: of their size, not yet whether the device rests."""
 WINDOW_S = 10.0
-"""Length of the windows that are checked afterwards [s] …"""
+"""Length of the windows that are checked afterwards [s]."""
 WINDOW_NS = round(WINDOW_S * 1e9)
 LEAST_WINDOW_SAMPLES, MOST_WINDOW_SAMPLES = 100, 4096
-"""… and least and greatest number of their samples."""
+"""Least and greatest number of samples of such a window."""
 JUMP_BACK_NS = 1_000_000_000
 """Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 

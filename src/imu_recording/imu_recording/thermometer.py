@@ -49,9 +49,9 @@ class LiveThermometer:
     _equal: int = 0
     _newest: int = 0
     _whole: int = 0
-    """Whole degrees in a row …"""
+    """Whole degrees in a row."""
     _whole_values: int = 0
-    """… and how many times they changed."""
+    """Changes of the value among them."""
 
     def add(self, stamp: int, temperature: float) -> None:
         """Take in a value [°C] measured at `stamp` [ns]."""

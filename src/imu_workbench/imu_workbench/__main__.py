@@ -34,7 +34,7 @@ from imu_workbench.outputs import refuse_to_destroy
 
 OWN_PACKAGES = ('imu_recording', 'imu_driver', 'thermal_comp', 'orientation_filters',
                 'chamber_profile', 'imu_workbench')  # fmt: skip
-"""A module of these that is missing is no library to install."""
+"""Packages of this workspace: a module of theirs that is missing is no library to install."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -127,7 +127,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _prepare_streams() -> None:
-    """Show '?' on a terminal of ASCII alone, and write to nowhere where a stream is closed."""
+    """Print '?' for characters a terminal lacks, and discard output where a stream is closed."""
     for name in ('stdout', 'stderr'):
         stream = getattr(sys, name)
         if stream is None:
@@ -137,7 +137,7 @@ def _prepare_streams() -> None:
 
 
 def _discard_output() -> None:
-    """Send what is still buffered for a closed standard output to nowhere."""
+    """Discard what is still buffered for a closed standard output."""
     with suppress(ValueError, OSError):  # a stream of a test has no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -23,7 +23,7 @@ from imu_recording.user_error import UserError, fault_in_yaml
 
 SCHEMA = 1
 FOUND_SCHEMA = 2
-"""Of the files in `found/`; a diagnosis in an earlier schema is made anew."""
+"""Schema of the files in `found/`; a diagnosis in an earlier one is made anew."""
 CASE_FILE = 'case.yaml'
 LOCK_FILE = '.lock'
 
@@ -45,9 +45,9 @@ class CaseRecording:
     open: bool = True
     """Whether the page shows it and fits use it."""
     modified: int = 0
-    """Newest modification of its files [ns since 1970] …"""
+    """Newest modification of its files [ns since 1970] when it was read."""
     size: int = 0
-    """… and their size [bytes] when it was read."""
+    """Their size [bytes] then."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ def with_effect_file(case: Case, file: Path) -> Case:
     key = digest(content)
     if kept_effects(case).get(key) == file.name:
         return case
-    write_atomically(_place(case, key, file.name), content.decode('utf-8'))
+    write_atomically(_kept_path(case, key, file.name), content.decode('utf-8'))
     kept = {**kept_effects(case), key: file.name}
     return saved(replace(case, settings={**case.settings, 'effects': kept}))
 
@@ -43,7 +43,7 @@ def kept_effects(case: Case) -> Mapping[str, str]:
 
 def effect_file(case: Case, key: str) -> bytes:
     """Return a kept effect file; CaseError where it is gone or its content has changed."""
-    path = _place(case, key, kept_effects(case)[key])
+    path = _kept_path(case, key, kept_effects(case)[key])
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -53,7 +53,7 @@ def effect_file(case: Case, key: str) -> bytes:
     return content
 
 
-def _place(case: Case, key: str, name: str) -> Path:
+def _kept_path(case: Case, key: str, name: str) -> Path:
     return case.folder / 'effects' / key[:16] / Path(name).name
 
 

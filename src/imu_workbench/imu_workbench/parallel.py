@@ -17,7 +17,7 @@ from imu_workbench.answer import show_progress
 
 
 class Task(Protocol):
-    """Work that depends on no other task; its result is sent from process to process: small."""
+    """Work that depends on no other task; its result goes from process to process and is small."""
 
     @property
     def label(self) -> str:

@@ -156,11 +156,11 @@ def _topics(
                 break
         else:
             if name == 'imu/data_raw':
-                raise ReplayError(f'{bag}: no topic {namespace}/{wanted}; it has {_few(types)}')
+                raise ReplayError(f'{bag}: no topic {namespace}/{wanted}; it has {_listed(types)}')
     return chosen, types
 
 
-def _few(types: Mapping[str, str]) -> str:
+def _listed(types: Mapping[str, str]) -> str:
     names = sorted(types)
     return ', '.join(names[:8]) + (' …' if len(names) > 8 else '')
 

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from thermal_comp.comparison.improvement import falls
+from thermal_comp.data.improvement import falls
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS

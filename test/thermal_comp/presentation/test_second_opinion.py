@@ -2,10 +2,10 @@
 """A picture of a second opinion: dots about a curve, in the units it is asked in."""
 
 import numpy as np
-from thermal_comp.comparison.second_opinion import second_opinion
 from thermal_comp.presentation.second_opinion import opinion_picture
+from thermal_comp.second_opinion.opinion import second_opinion
 
-from ..comparison.warm_ups import NOISE, warmed
+from ..second_opinion.warm_ups import NOISE, warmed
 
 UNITS = {'accelerometer': (1e3, 'mm/s²'), 'gyroscope': (180.0 / np.pi, '°/s')}
 

@@ -51,9 +51,9 @@ def readings_of(time: float, reading: ChamberReading) -> Readings:
 
 
 MAX_FAILURES = 3
-"""The link is lost after so many failures within FAILURE_WINDOW_S …"""
+"""Number of failures within FAILURE_WINDOW_S from which the link is lost."""
 FAILURE_WINDOW_S = 15.0
-"""… or after so long without an answer [s of the host]."""
+"""Their time [s of the host]; the link is also lost after so long without an answer."""
 RETRY_S = 5.0
 """Time between two tries of a link that failed [s of the host]."""
 FIRST_RETRY_S = 1.0

@@ -23,9 +23,9 @@ from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import DONE, FINISHED, IDLE, Progress
 
 PERIOD_S = 0.5
-"""Period of a run's steps [s of the chamber] …"""
+"""Period of a run's steps [s of the chamber]."""
 MIN_PERIOD_S = 0.02
-"""… and its least value [s of the host]."""
+"""Least period of them [s of the host]."""
 
 
 @dataclass(frozen=True)

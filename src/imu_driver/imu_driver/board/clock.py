@@ -23,9 +23,9 @@ LARGEST_SKEW: Final = 1e-2
 SKEW_BASELINE: Final = 5.0
 """[s] Shortest span of data that determines the skew under delays of milliseconds."""
 STEP_S: Final = 0.5
-"""[s] A larger change of the delay is a step of the host's clock …"""
+"""[s] Change of the delay above which the host's clock has stepped."""
 STEP_DURATION_S: Final = 3.0
-"""[s] … if it lasts this long; a stall of the host ends sooner."""
+"""[s] Time that such a change lasts; a stall of the host ends sooner."""
 RESIDUAL_WEIGHT: Final = 1e-3
 """Of one sample in the running mean and variance of the delay."""
 

@@ -13,9 +13,9 @@ from imu_driver.board.session import DeviceSession, WarningEvent
 from imu_driver.board.transport import Transport
 
 FIRST_RETRY: Final = 0.2
-"""[s] Pause after the first failed attempt to open the line; it doubles with each …"""
+"""[s] Pause after the first failed attempt to open the line; it doubles with each."""
 LAST_RETRY: Final = 1.0
-"""[s] … up to this."""
+"""[s] Longest pause between two attempts."""
 ASK_AFTER_SILENCE: Final = 1.0
 """[s] A device that has sent nothing for this long is asked for information."""
 REOPEN_AFTER_SILENCE: Final = 5.0

@@ -60,13 +60,13 @@ ROWS_AT_A_TIME = 100_000
 """Messages that are gathered at a time: the places of their bytes take eight times their size."""
 
 WHOLE_FILE_BYTES = 200_000_000
-"""Size up to which a file is read as a whole …"""
+"""Size up to which a file is read as a whole; a longer one is averaged."""
 MOST_KEPT_ROWS = 1_000_000
-"""… and most rows kept of each kind of message of a longer one, all instances together."""
+"""Largest number of rows kept of each kind of message of a longer file, all instances together."""
 DEFINITIONS_BYTES = 1 << 24
 """Size of a log's beginning that defines its messages."""
 UNAVERAGED_MESSAGES = frozenset({'PARM', 'MSG', 'GPS'})
-"""Messages of a long log that are read one by one …"""
+"""Messages of a long log that are read one by one."""
 AVERAGED_MESSAGES = {
     f'{name}{number}': columns
     for name, columns in (
@@ -76,7 +76,7 @@ AVERAGED_MESSAGES = {
     )
     for number in ('', '2', '3')
 }
-"""… and those that are averaged, with the columns that are read."""
+"""Messages of a long log that are averaged, with the columns that are read."""
 
 Columns = Mapping[str, Any]
 Tables = Callable[..., dict[str, Any]]

@@ -47,9 +47,9 @@ WAY_OUT = (
     'power-on)'
 )
 WHOLE_FILE_BYTES = 200_000_000
-"""Size up to which a file is read as a whole …"""
+"""Size up to which a file is read as a whole; a longer one is averaged."""
 MOST_KEPT_ROWS = 1_000_000
-"""… and most rows kept of each topic of a longer one, all IMUs together."""
+"""Largest number of rows kept of each topic of a longer file, all IMUs together."""
 HARDWARE = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
 """What a log says of board and firmware."""
 

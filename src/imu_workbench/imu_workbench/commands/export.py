@@ -14,13 +14,13 @@ from imu_recording.user_error import UserError
 from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.export.ardupilot import NAMES, ardupilot_text
-from thermal_comp.model.export.c99 import C99_FILES, c99_of
-from thermal_comp.model.export.cubic import RATE_C_PER_MIN, Cubic, fitted_cubic, loss, reduced
-from thermal_comp.model.export.kalibr import HORIZON_S, densities, kalibr_text
-from thermal_comp.model.export.px4 import INSTANCES, LETTERS, px4_text
-from thermal_comp.model.export.single_precision import TOLERANCE, single_precision_shares
-from thermal_comp.model.export.vectors import example_course, recorded_course, vectors_text
+from thermal_comp.export.ardupilot import NAMES, ardupilot_text
+from thermal_comp.export.c99 import C99_FILES, c99_of
+from thermal_comp.export.cubic import RATE_C_PER_MIN, Cubic, fitted_cubic, loss, reduced
+from thermal_comp.export.kalibr import HORIZON_S, densities, kalibr_text
+from thermal_comp.export.px4 import INSTANCES, LETTERS, px4_text
+from thermal_comp.export.single_precision import TOLERANCE, single_precision_shares
+from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.file import load_model, model_label
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown

@@ -135,7 +135,7 @@ def _import_csv(options: argparse.Namespace, rows: RowRange) -> Answer:
         recording = recording.with_notes('the mapping is a guess', *unsure)
     with replacing(options.output) as fresh:
         write_bag(recording, fresh)
-    content, lines = _told(recording, options.output)
+    content, lines = _bag_description(recording, options.output)
     if guesses:
         content |= _guess_content(guesses)
     return Answer({'schema': 1, **content}, '\n'.join(lines))
@@ -171,7 +171,7 @@ def _import_log(options: argparse.Namespace, rows: RowRange) -> Answer:
     for imu, recording, target in imus:
         with replacing(target) as fresh:
             write_bag(recording, fresh, metadata=imu.metadata)
-        content, said = _told(recording, target)
+        content, said = _bag_description(recording, target)
         hardware = json.loads(imu.metadata['log_hardware'])
         bags.append(content | {'hardware': hardware})
         lines += [*said, *(f'  {name}: {value}' for name, value in hardware.items() if value)]
@@ -188,7 +188,7 @@ def _part(recording: ImuRecording, rows: RowRange) -> ImuRecording:
     return recording.rows(inside).with_notes(left_out)
 
 
-def _told(recording: ImuRecording, target: Path) -> tuple[dict[str, Any], list[str]]:
+def _bag_description(recording: ImuRecording, target: Path) -> tuple[dict[str, Any], list[str]]:
     """Return the description of one bag, for JSON and as lines."""
     channels = channel_ranges(recording)
     seconds = float(recording.time[-1]) if len(recording) else 0.0

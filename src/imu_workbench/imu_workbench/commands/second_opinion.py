@@ -15,19 +15,19 @@ from imu_recording.plausibility import admitted
 from imu_recording.recording import STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 from thermal_comp.comparison.compare import rms_of
-from thermal_comp.comparison.second_opinion import (
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.motion import refuse_moving
+from thermal_comp.data.quality import check_recording
+from thermal_comp.presentation.display import shown
+from thermal_comp.presentation.second_opinion import opinion_picture
+from thermal_comp.second_opinion.autopilot_fit import FITS, Autopilot
+from thermal_comp.second_opinion.opinion import (
     OtherLogs,
     SecondOpinion,
     SensorOpinion,
     on_other_logs,
     second_opinion,
 )
-from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.motion import refuse_moving
-from thermal_comp.data.quality import check_recording
-from thermal_comp.model.export.autopilot_fit import FITS, Autopilot
-from thermal_comp.presentation.display import shown
-from thermal_comp.presentation.second_opinion import opinion_picture
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import Answer, show_progress

@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> Answer:
         show_progress('fitting …')
         curves = still_curves(logs)
         found = curves_content(curves)
-        saved, code = save_unless_worse(curves.model, _worse(curves), options)
+        saved, code = save_unless_worse(curves.model, _worsened_sensors(curves), options)
         content |= {'curves': found, 'model': None if code else options.output}
         lines += [*curves_text(found), '', saved]
         if options.plot:
@@ -154,7 +154,7 @@ def _write_bags(parts: list[ImuRecording], options: argparse.Namespace) -> None:
             write_bag(part, fresh)
 
 
-def _worse(curves: StillCurves) -> list[str]:
+def _worsened_sensors(curves: StillCurves) -> list[str]:
     """Return for which sensors a model enlarges the held-out error: it is not to be saved."""
     return [
         f'{sensor}: its error on the logs that were left out is larger with the model'

@@ -35,7 +35,7 @@ MOST_ROWS = 200
 def fleet_page(found: Mapping[str, Any], folder: Path, served: str = '') -> str:
     """Return what `study` found in a folder of results as a page.
 
-    Devices lead to their case at `served`, the address of `serve`, or to their folder.
+    Devices are links to their case at `served`, the address of `serve`, or to their folder.
     """
     table = FleetTable(folder)
     sensors = [

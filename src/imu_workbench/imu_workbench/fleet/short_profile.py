@@ -11,10 +11,10 @@ from chamber_profile.profile.timetable import timetable
 
 REFERENCE_C = 20.0
 RATE_C_PER_MIN = 2.0
-"""Of the ramps, as in Betta et al. 2022."""
+"""Rate of the ramps, as in Betta et al. 2022 [°C/min]."""
 LEAST_DWELL_S = 120.0
 AIR_LIMIT_MARGIN_C = 5.0
-"""Between the set-points and the limits of the air."""
+"""Distance of the set-points from the limits of the air [K]."""
 DEVICE_MAX_C = 85.0
 POSES = ('+x', '+y', '+z')
 

@@ -54,7 +54,7 @@ class ShortRun:
     """Median time the full campaigns spent at each, times `share` [s]."""
     share: float
     hours: float
-    """Of the whole run: ramps, dwells, and both ends [h]."""
+    """Duration of the run: ramps, dwells and both ends [h]."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ class Point:
     sensor: str
     temperatures: int
     share: float
-    """Of the dwells of the full campaign."""
+    """Share of the dwells of the full campaign."""
     poses: int
     hours: float
-    """Of all poses [h]."""
+    """Duration of all poses [h]."""
     prior: bool
     """Whether the lot's distribution is the prior."""
     ratio: float

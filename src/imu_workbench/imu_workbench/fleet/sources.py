@@ -66,7 +66,7 @@ class _Bag:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _SearchResult:
     """What a path, glob or URL holds."""
 
     bags: tuple[_Bag, ...]
@@ -120,7 +120,7 @@ def _devices_of(text: str) -> Iterator[DeviceSource]:
     yield from _devices_of_folders(found)
 
 
-def _devices_of_folders(found: _Found) -> Iterator[DeviceSource]:
+def _devices_of_folders(found: _SearchResult) -> Iterator[DeviceSource]:
     """Yield the devices whose bags stand in one folder; one that misses a part has a problem."""
     folders: dict[str, dict[str, list[_Bag]]] = defaultdict(lambda: defaultdict(list))
     for bag in found.bags:
@@ -168,7 +168,7 @@ def _device_of_case(folder: str, content: bytes | Exception) -> DeviceSource:
         if isinstance(content, Exception):
             raise CaseError(f'{place}: {reason(content)}; make it readable')
         case = parse_case(Path(folder), content, place)
-        bags = {source: _search(_place(folder, source)).bags for source in case.sources}
+        bags = {source: _search(_recording_path(folder, source)).bags for source in case.sources}
     except UserError as error:
         empty = _device_of_bags(folder, '', [])
         return replace(empty, case=folder, problem=str(error))
@@ -185,7 +185,7 @@ def _device_of_case(folder: str, content: bytes | Exception) -> DeviceSource:
     )
 
 
-def _place(folder: str, source: str) -> str:
+def _recording_path(folder: str, source: str) -> str:
     """Return where the recording of a case is: a relative path starts here, or in the case."""
     if '://' in source or Path(source).exists():
         return source
@@ -234,7 +234,7 @@ def _listed(path: str) -> list[dict[str, str]]:
     return [{key: (value or '').strip() for key, value in row.items()} for row in reader]
 
 
-def _search(text: str) -> _Found:
+def _search(text: str) -> _SearchResult:
     """Return the bags below a path, glob or URL, with the device each names, and the cases."""
     from fsspec.core import url_to_fs
 
@@ -244,7 +244,7 @@ def _search(text: str) -> _Found:
         raise UserError(f'{text}: {reason(error)}') from None
 
 
-def _search_in(files: Any, root: str) -> _Found:
+def _search_in(files: Any, root: str) -> _SearchResult:
     is_glob = GLOB_SIGNS & set(root) and not files.exists(root)
     paths = files.glob(root) if is_glob else [root]
     listed: dict[str, Mapping[str, Any]] = {}
@@ -277,7 +277,7 @@ def _search_in(files: Any, root: str) -> _Found:
     texts = _contents(files, [p for p in sorted(listed) if p.rpartition('/')[2] == CASE_FILE])
     cases = {url(path.rpartition('/')[0]): text for path, text in texts.items()}
     closed = [p for p in (*paths, *folders) if 'file' in files.protocol and not _readable(p)]
-    return _Found(bags, cases, tuple(dict.fromkeys(closed)))
+    return _SearchResult(bags, cases, tuple(dict.fromkeys(closed)))
 
 
 def _url_of(files: Any, path: str) -> str:

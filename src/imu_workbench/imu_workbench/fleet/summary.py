@@ -103,7 +103,7 @@ def prevalence_line(one: Mapping[str, Any]) -> str:
 
 
 def shape_line(one: Mapping[str, Any]) -> str:
-    """Return what the devices of a lot that carry an effect share of it."""
+    """Return coefficients and shape of an effect in the devices of a lot that have it."""
     pairs = zip('xyz', one['mean'], one['std'], strict=False)
     coefficients = ', '.join(f'{axis} {mean:+.2g} ± {std:.2g}' for axis, mean, std in pairs)
     low, high = one['median_range']

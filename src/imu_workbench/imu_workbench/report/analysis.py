@@ -64,7 +64,7 @@ class DeviceAnalysis:
     model: ThermalModel | None
     comparison: Comparison | None
     versions: tuple[Comparison, ...] = ()
-    """Of the earlier versions in the model's history, oldest first."""
+    """Comparisons of the earlier versions in the model's history, oldest first."""
     problem: str = ''
     """Why there is no model."""
     note: str = ''
@@ -97,7 +97,7 @@ class Analysis:
     left_out: tuple[str, ...] = ()
     """Sentences about the recordings that are left out, as the device moves in them."""
     certified: Mapping[str, Certified] = field(default_factory=dict)
-    """What the certificate of each device states the coefficients of."""
+    """Model that the certificate of each device states."""
 
 
 def analyse_recordings(
@@ -153,7 +153,7 @@ def certified_models(
     diagnoses: Sequence[tuple[Mapping[str, Any], Growth | None]],
     given: Mapping[str, ThermalModel],
 ) -> dict[str, Certified]:
-    """Return what is certified of every device: the given model, else a line and what is named."""
+    """Return the certified model of every device: the given one, else a line and what is named."""
     grown = {found['device']: growth for found, growth in diagnoses if growth}
     result: dict[str, Certified] = {}
     for device in devices.values():

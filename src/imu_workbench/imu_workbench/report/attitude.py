@@ -34,7 +34,8 @@ START_S = 60.0
 """The start attitude is the mean over this long [s]."""
 EULER = ('yaw', 'pitch', 'roll')
 COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
-"""Of `angles_from_start`: ZYX Euler angles (the paper's α, β, γ), then angles that never wrap."""
+"""Columns of `angles_from_start`: ZYX Euler angles (the paper's α, β, γ), then angles without
+wrap."""
 CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
 RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'

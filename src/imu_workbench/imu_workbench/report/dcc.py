@@ -19,9 +19,9 @@ from imu_workbench.report.laboratory import NOT_STATED
 from imu_workbench.report.model_content import in_words
 
 NO_COUNTRY = 'ZZ'
-"""Where the country is not stated, which the schema wants (ISO 3166-1, user-assigned)."""
+"""Country where none is stated: the schema requires one (ISO 3166-1, user-assigned)."""
 VERSION = '3.0.0'
-"""Of the schema where none is given."""
+"""Version of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
 UNITS = {
     'm/s²': r'\metre\second\tothe{-2}',
@@ -47,7 +47,7 @@ COVERAGE_PROBABILITY = 0.95
 
 
 def check_dcc(signed: bool) -> None:
-    """Refuse with the way out where a library is missing."""
+    """Raise UserError naming the library that is missing and how to install it."""
     for name in ('lxml', *(('signxml',) if signed else ())):
         if find_spec(name) is None:
             raise UserError(f'a DCC needs {name}: pip install -r requirements-pdf.txt')

@@ -277,7 +277,7 @@ def segment_statistics(
     Samples that are not finite do not count; a segment without samples of a sensor is left out.
     """
     places = {
-        segment: _place(rows if kept is None else rows & kept)
+        segment: _as_slice(rows if kept is None else rows & kept)
         for segment, rows in segment_rows(recording).items()
     }
     tables: dict[str, list[SegmentStatistics]] = {}
@@ -288,7 +288,7 @@ def segment_statistics(
     return tables
 
 
-def _place(rows: NDArray[np.bool_]) -> NDArray[np.bool_] | slice:
+def _as_slice(rows: NDArray[np.bool_]) -> NDArray[np.bool_] | slice:
     """Return the rows as a slice where they are in one piece: nothing is copied then."""
     first, count = int(rows.argmax()), int(np.count_nonzero(rows))
     return slice(first, first + count) if rows[first : first + count].all() else rows

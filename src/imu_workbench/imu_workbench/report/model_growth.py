@@ -55,7 +55,7 @@ class ModelGrowthTask:
         recordings = [read_bag(bag) for bag in self.bags]
         runs = prepare(check_quality(recordings)[0])
         line = fit_prepared([BiasTemperature()], runs)
-        grown = list(_grown(line, runs, self.catalogue))
+        grown = list(_growth_steps(line, runs, self.catalogue))
         model = grown[-1][1].model if grown else line
         attitudes = [
             row | {'run': recording.run, 'interpolated': is_slow(recording)}
@@ -76,7 +76,7 @@ class ModelGrowthTask:
         return content | {'lines': growth_lines(content)}
 
 
-def _grown(
+def _growth_steps(
     line: ThermalModel, runs: Sequence[PreparedRun], catalogue: Mapping[str, type[Effect]]
 ) -> Iterator[tuple[dict[str, Any], Growth]]:
     """Yield each missing effect and the model with it, until none is missing."""

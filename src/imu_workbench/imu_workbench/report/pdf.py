@@ -30,7 +30,7 @@ ALLAN_CAPTION = 'What the certified model leaves, all runs together; bands: 95 %
 
 
 def check_pdf() -> None:
-    """Refuse with the way out where a library that PDF needs is missing."""
+    """Raise UserError naming the library for PDF that is missing and how to install it."""
     missing = [name for name in ('weasyprint', 'matplotlib') if find_spec(name) is None]
     if missing:
         raise UserError(f'PDF needs {missing[0]}: pip install -r requirements-pdf.txt')

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 BLOCKS = 5
-"""Contiguous blocks that stand for cycles where a recording has none."""
+"""Number of contiguous blocks in place of cycles where a recording has none."""
 LEAST_SPAN_K = 5.0
 """Temperature span [K] that a block needs for a slope."""
 

@@ -47,7 +47,7 @@ TYPES = {
     topic: TRACK_OF_TOPIC[topic].message_type
     for topic in (IMU_TOPIC, MAGNETIC_TOPIC, TEMPERATURE_TOPIC)
 }
-"""What the driver publishes already serialised."""
+"""Types of the messages that the driver publishes serialised, by topic."""
 
 
 class CampaignError(UserError):
@@ -225,7 +225,7 @@ class _NodeRun:
         return recorder
 
     def _record(self, topic: str, message_type: str, message: Any) -> None:
-        """Hand a message to the recorder, as DDS would: what it wants, serialised."""
+        """Hand a message to the recorder, serialised, if it records the topic."""
         recorder = self._recorder
         if message_type == STRING and topic == f'/{RUN_TOPIC}':
             recorder.inputs[RUN_TOPIC](message)

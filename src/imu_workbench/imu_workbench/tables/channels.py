@@ -12,11 +12,11 @@ from imu_workbench.tables.rows import TO_SI, StatisticsRow, TableFinding, distin
 STARTUP_AGREEMENT = 0.02
 """Channels of one device share a start-up if their ratios agree to this."""
 LARGEST_STARTUP_SHARE = 0.9
-"""No share of the mean above this speaks of a start-up."""
+"""Largest share of the mean that shows a start-up."""
 GRAVITY_RANGE = (8.0, 11.5)
 """Norm of the mean specific force at rest [m/s²]."""
 EARTH_FIELD_RANGE_T = (20e-6, 70e-6)
-"""[T]."""
+"""Strength of the Earth's field [T]."""
 FIELD_JUMP_RATIO = 1.3
 
 

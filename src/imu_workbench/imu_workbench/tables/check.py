@@ -12,7 +12,7 @@ from imu_workbench.tables.channels import field_jumps, flips, startups, units
 from imu_workbench.tables.rows import StatisticsRow, TableError, TableFinding, read_table
 
 EXTREME_SIGMA = 20.0
-"""No campaign is long enough for an extreme that far from the mean."""
+"""Distance of an extreme from the mean that no campaign is long enough for [σ]."""
 
 
 def order_broken(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
@@ -157,5 +157,5 @@ CHECKS = (
 
 
 def check_rows(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """Return everything that cannot be or that asks for an explanation."""
+    """Return the findings of all checks."""
     return [finding for check in CHECKS for finding in check(rows)]

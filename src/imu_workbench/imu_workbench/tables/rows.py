@@ -120,7 +120,7 @@ def _row(record: Mapping[str, str], place: str) -> StatisticsRow:
 
 @dataclass(frozen=True)
 class TableFinding:
-    """What cannot be or asks for an explanation, and the explanations that compete."""
+    """Numbers that are impossible or need an explanation, and the possible explanations."""
 
     name: str
     where: tuple[str, ...]

@@ -17,7 +17,7 @@ REFUSED_TOKEN = (
     b'start.</p>'
 )
 NO_RESPONSE = 'No response returned.'
-"""What starlette raises of a request that ended before its answer began."""
+"""Message of the error that starlette raises where a request ended before its answer began."""
 REFUSED_HOST = b'<!doctype html><p>This server answers to localhost only.</p>'
 
 

@@ -19,7 +19,7 @@ CONFIG = {
     'displaylogo': False,
     'modeBarButtonsToRemove': [*UNUSED, 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d'],
 }
-"""A pointer drags to zoom and, with Shift, to move: that needs no button."""
+"""Options of plotly.js: dragging zooms and, with Shift, moves, which needs no buttons."""
 
 
 @dataclass

@@ -23,7 +23,7 @@ KEYS = {
     'error staircase': 'staircase',
     'coefficients': 'coefficients',
 }
-"""What the page says, in small letters → its entry in WORDS or OWN."""
+"""Word of the page in lower case → its entry in WORDS or OWN."""
 OWN = {
     'prediction': 'The cause is undecided: the effect only lowers the error on parts of the runs '
     'the fit has not seen. It corrects runs like these and says nothing of the physics.',
@@ -42,7 +42,7 @@ LONGEST_FIRST = re.compile('|'.join(sorted(map(re.escape, KEYS), key=len, revers
 
 
 def word(text: str, meant: str = '') -> str:
-    """Return HTML of a word that explains itself: to a pointer, a finger and the keyboard.
+    """Return HTML of a word with its explanation, for pointer, finger and keyboard.
 
     `meant` is the word where the text is a number of it.
     """

@@ -55,9 +55,9 @@ from orientation_filters.step_averages.variance_factors import (
 )
 
 HEADING_ERROR_LIMIT = 0.35
-"""A field whose heading differs by more is rejected [rad] …"""
+"""Heading error up to which a field is never rejected [rad]."""
 HEADING_SIGMAS_LIMIT = 3.0
-"""… where it also differs by more standard deviations of the heading than this."""
+"""The same in standard deviations of the heading; both add as squares."""
 ADOPTED_HEADING_SIGMA = 0.1
 """Standard deviation of the heading from a newly adopted field [rad]."""
 UNSETTLED_TILT_SIGMA = 0.035

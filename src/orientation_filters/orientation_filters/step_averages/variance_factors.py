@@ -29,9 +29,9 @@ NEWEST_WEIGHT = 3.0
 """Weight of the newest value beside that in a plain mean: value n of a mean weighs with n², so
 that innovations of the start, where attitude and bias are still wrong, are forgotten."""
 AVERAGED_VALUES = 60.0
-"""Number of independent values that a factor is the mean over …"""
+"""Number of independent values that a factor is the mean over."""
 LONGEST_AVERAGE_S = 60.0
-"""… and the longest time of that mean [s]."""
+"""Longest time of that mean [s]."""
 FORCE_TIME_S, FIELD_TIME_S = 10.0, 2.0
 """Time constants of the low-passes that leave the persistent part of the sensors' errors [s]."""
 PERSISTENT_POWER_TIME_S = 60.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermal_comp.comparison.compare import Comparison, SensorComparison, part_squares, rms_of
 from thermal_comp.comparison.held_out import hold_out
-from thermal_comp.comparison.improvement import falls, rises
+from thermal_comp.data.improvement import falls, rises
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect

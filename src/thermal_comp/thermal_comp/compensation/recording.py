@@ -24,7 +24,7 @@ OUTSIDE_THE_RANGE: Mapping[Extrapolation, str] = {
     'line': 'extrapolated',
     'clamp': 'compensated as at the edge',
 }
-"""How rows outside them are treated, in words."""
+"""Words of a note for each way."""
 DEFAULT_EXTRAPOLATION: Extrapolation = 'line'
 """Models fitted to the middle of a range err less beyond it as tangents than held at its ends, on
 simulated and on measured devices: benchmarks/extrapolation.py."""
@@ -45,7 +45,7 @@ class SensorError:
     outside: NDArray[np.bool_]
     """(n,) temperature outside the fitted range: the error is extrapolated."""
     skipped: dict[str, NDArray[np.bool_]]
-    """(n,) where each effect was not applied for want of a channel, by effect; only such ones."""
+    """(n,) rows in which an effect was not applied for want of a channel, by effect."""
     states: tuple[State | None, ...]
     """History of each device effect."""
 
@@ -132,7 +132,7 @@ def sensor_error(
                 columns = np.where(gap, 0.0, columns)
             error[first:] += columns @ plan.coefficients[k]
             if uncertain:
-                _fill(jacobian[first:, :, plan.places[k]], columns)
+                _fill_jacobian(jacobian[first:, :, plan.places[k]], columns)
         if unknown is not None and unknown.any():
             skipped[effect.name] = unknown
             variance += unknown[:, None] * plan.rms[k] ** 2
@@ -180,7 +180,7 @@ def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
     return unknown
 
 
-def _fill(jacobian: FloatArray, columns: FloatArray) -> None:
+def _fill_jacobian(jacobian: FloatArray, columns: FloatArray) -> None:
     """Write d error / d coefficients (n, 3, size) of one effect, coefficients in C order."""
     if columns.ndim == 3:
         jacobian[:] = columns
@@ -270,7 +270,7 @@ def _passed_on_notes(
 
 
 def _applied_notes(
-    model: ThermalModel, found: Mapping[Sensor, _Found], extrapolation: Extrapolation
+    model: ThermalModel, found: Mapping[Sensor, _RowErrors], extrapolation: Extrapolation
 ) -> list[str]:
     """Return which effects could not be applied, and how many rows were extrapolated."""
     notes = []
@@ -322,7 +322,7 @@ def _fresh(recording: ImuRecording, timeout: float) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _RowErrors:
     """The error of one sensor in the rows with a fresh die temperature."""
 
     error: FloatArray
@@ -333,7 +333,7 @@ class _Found:
     """Rows in which an effect was not applied, by effect."""
 
 
-def _sensor(plan: SensorPlan, conditions: Conditions) -> _Found:
+def _sensor(plan: SensorPlan, conditions: Conditions) -> _RowErrors:
     """Return the error of one sensor, computed a number of rows at a time."""
     error = np.empty((len(conditions), 3))
     outside = np.zeros(len(conditions), dtype=bool)
@@ -345,7 +345,7 @@ def _sensor(plan: SensorPlan, conditions: Conditions) -> _Found:
         error[rows], outside[rows], states = part.error, part.outside, part.states
         for name, missing in part.skipped.items():
             skipped[name] = skipped.get(name, 0) + int(missing.sum())
-    return _Found(error, outside, skipped)
+    return _RowErrors(error, outside, skipped)
 
 
 def _needs_vibration(model: ThermalModel) -> bool:

@@ -34,7 +34,7 @@ def save_state(compensator: Compensator, path: str | os.PathLike[str]) -> None:
 
 
 def restore_state(compensator: Compensator, path: str | os.PathLike[str]) -> str:
-    """Give a new compensator the history of an earlier one; return why not, '' where it has it."""
+    """Give a new compensator the history of an earlier one; return the reason where that fails."""
     target = Path(path)
     if not target.is_file():
         return f'{target} does not exist yet'

@@ -43,7 +43,7 @@ REMEMBERED_TEMPERATURES = 4096
 REMEMBERED_VALUES = 64
 """Values of a channel that are remembered for samples that arrive late."""
 JUMP_BACK_NS = 1_000_000_000
-"""A stamp so much before the newest is of a new start, not of a late sample [ns]."""
+"""Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 NOT_REPORTED = -1.0
 """First element of the covariance of a measurement that is not there (REP-145)."""
 
@@ -243,7 +243,7 @@ class Compensator:
             return CompensatedVector(measured, unknown, self._noise(sensor), compensated=False)
         known = self._errors[sensor].get(temperature)
         if known is None:
-            known = self._found(plan, sensor, stamp, temperature, keep=keep)
+            known = self._sample_error(plan, sensor, stamp, temperature, keep=keep)
         self.condition.temperature = temperature
         self.condition.outside = known.outside
         x, y, z = measured
@@ -252,7 +252,7 @@ class Compensator:
             (x - a, y - b, z - c), known.covariance, self._noise(sensor), compensated=True
         )
 
-    def _found(
+    def _sample_error(
         self, plan: SensorPlan, sensor: Sensor, stamp: int, temperature: float, *, keep: bool
     ) -> _Prepared:
         """Return the error of one sample; keep it where it depends on the temperature alone."""
@@ -356,7 +356,7 @@ class OutputCovariance:
     def __init__(self) -> None:
         self._given: tuple[float, ...] = ()
         self._arrays: tuple[FloatArray, ...] = ()
-        self._found: tuple[float, ...] = ()
+        self._nine_numbers: tuple[float, ...] = ()
 
     def __call__(self, given: tuple[float, ...], measured: CompensatedVector) -> tuple[float, ...]:
         """Return nine numbers, row-major."""
@@ -367,14 +367,14 @@ class OutputCovariance:
             and known[1] is measured.noise_variance
             and given == self._given
         ):
-            return self._found
+            return self._nine_numbers
         self._given, self._arrays = given, (measured.covariance, measured.noise_variance)
-        self._found = output_covariance(given, measured)
-        return self._found
+        self._nine_numbers = output_covariance(given, measured)
+        return self._nine_numbers
 
 
 class CompensatedSamples:
-    """Makes samples of compensated vectors, with all else as it came."""
+    """Converts compensated vectors to samples; all their other fields stay."""
 
     def __init__(self) -> None:
         self._rate, self._force, self._field = (OutputCovariance() for _ in range(3))

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Logged quantities other than temperatures that act on sensors, and by which way."""
+"""Logged quantities other than temperatures that act on sensors, directly or through others."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from imu_recording.logging_contract import THERMOMETER_FIELDS, TRACK_OF_FIELD
 
-from thermal_comp.data.conditions import CHANNELS, INERTIAL_SENSORS, SENSORS, Sensor
+from thermal_comp.data.conditions import CHANNELS, SENSORS, Sensor
+
+if TYPE_CHECKING:
+    from thermal_comp.effects.effect import Effect
 
 THERMAL_CHANNELS = tuple(name for name in THERMOMETER_FIELDS if name in CHANNELS)
-"""Channels that tell how heat reaches the die."""
+"""Temperatures around the die."""
 MACHINES = ('heater', 'compressor')
 """Channels of the chamber's machines that make heat and cold."""
 
@@ -21,12 +26,9 @@ class ActingChannel:
 
     field: str
     """Field of ImuRecording."""
-    acts_on: tuple[Sensor, ...] = ()
-    """Sensors on which an effect of the catalogue makes it act, directly or through another
-    channel: what is unexplained there may be this one where it was not logged."""
     through: tuple[str, ...] = ()
-    """Channels through which it may act, likeliest first: what follows it is theirs where they
-    were not logged."""
+    """Channels through which it may act, likeliest first. Where they were not logged, a residual
+    that follows it is attributed to the first of them."""
 
     @property
     def label(self) -> str:
@@ -40,11 +42,11 @@ class ActingChannel:
 
 
 ACTING_CHANNELS = (
-    ActingChannel('heater', SENSORS, ('supply_voltage', 'compressor', 'vibration')),
-    ActingChannel('compressor', SENSORS, ('vibration', 'supply_voltage')),
-    ActingChannel('supply_voltage', SENSORS),
-    ActingChannel('vibration', INERTIAL_SENSORS),
-    ActingChannel('humidity', SENSORS),
+    ActingChannel('heater', ('supply_voltage', 'compressor', 'vibration')),
+    ActingChannel('compressor', ('vibration', 'supply_voltage')),
+    ActingChannel('supply_voltage'),
+    ActingChannel('vibration'),
+    ActingChannel('humidity'),
     ActingChannel('pressure'),
     ActingChannel('fan'),
 )
@@ -57,12 +59,18 @@ def channel_label(field: str) -> str:
     return field.removesuffix('_voltage')
 
 
-def acting_on(sensor: Sensor) -> tuple[ActingChannel, ...]:
-    """Return the channels that an effect of the catalogue makes act on a sensor."""
-    return tuple(channel for channel in ACTING_CHANNELS if sensor in channel.acts_on)
+def acting_on(sensor: Sensor, catalogue: Mapping[str, type[Effect]]) -> tuple[ActingChannel, ...]:
+    """Return the channels that effects of the catalogue make act on a sensor.
+
+    They do so directly or through another channel; one that was not logged may be behind what is
+    unexplained there.
+    """
+    needed = {c for e in catalogue.values() if sensor in e.sensors for c in e.channels}
+    return tuple(c for c in ACTING_CHANNELS if needed.intersection((c.field, *c.through)))
 
 
-def topics_to_log() -> dict[str, str]:
+def topics_to_log(catalogue: Mapping[str, type[Effect]]) -> dict[str, str]:
     """Return the topic of each channel whose absence an answer may name, by its label."""
     air = {name: TRACK_OF_FIELD[name].topic for name in THERMAL_CHANNELS[:1]}
-    return air | {channel.label: channel.topic for channel in ACTING_CHANNELS if channel.acts_on}
+    acting = {channel for sensor in SENSORS for channel in acting_on(sensor, catalogue)}
+    return air | {c.label: c.topic for c in ACTING_CHANNELS if c in acting}

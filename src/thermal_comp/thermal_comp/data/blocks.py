@@ -19,24 +19,25 @@ BLOCK_LENGTHS_S = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 LEAST_BLOCKS = 400
 """Blocks a run is to have at least, where its samples allow it."""
 LONGEST_PAUSE_STEPS = 10.0
-"""A pause counts as sampled time up to so many usual intervals …"""
+"""Longest pause that counts as sampled time, in usual intervals; or LONGEST_PAUSE_S, whichever is
+more."""
 LONGEST_PAUSE_S = 5.0
-"""… or so long [s], whichever is more: serial lines pause for seconds."""
+"""Longest pause that always counts as sampled time [s]: serial lines pause for seconds."""
 MOST_SLOTS = 100_000
-"""Places of blocks a run has at most, those in gaps included."""
+"""Largest number of places of blocks in a run, those in gaps included."""
 LEAST_HELD_OUT_PARTS = 3
 """Parts of all runs together that a test of the held-out error needs."""
 LEAST_PARTS, MOST_PARTS = 5, 12
-"""Contiguous parts a run without cycles is cut into, to be held out one at a time: more parts tell
-more surely whether a term lowers the error, …"""
+"""Least and greatest number of contiguous parts of a run without cycles, which are held out one at
+a time. More parts tell more surely whether a term lowers the error."""
 LEAST_PART_BLOCKS = 10
-"""… but a part has at least so many blocks."""
+"""Least number of blocks of such a part."""
 LEAST_SEARCH_BLOCKS = 700
-"""Blocks of the longest run, at least, in a search of long runs …"""
+"""Least number of blocks of the longest run in a search of long runs."""
 LONGEST_SEARCH_BLOCK_S = 60.0
-"""… their greatest length [s]: lags of half a minute still show in ramps …"""
+"""Greatest length of such blocks [s]: lags of half a minute still show in ramps."""
 BLOCKS_PER_PERIOD = 8
-"""… and how many a period of a spectral line has at least: means keep 97 % of its amplitude."""
+"""Least number of such blocks per period of a spectral line: means keep 97 % of its amplitude."""
 
 
 def block_length(recording: ImuRecording) -> float:

@@ -35,9 +35,9 @@ LARGEST_BEND_SHARE = 0.1
 LEAST_MOVING_ROWS = 10
 """Rows with a step before and after that this needs."""
 LEAST_RAIL_VALUES = 10
-"""Values at the very extreme that a rail has at least …"""
+"""Least number of values at the very extreme that make a rail."""
 LEAST_RAIL_RATIO = 3.0
-"""… and how many times more than the steps just below it."""
+"""Least ratio of that number to those at the steps just below."""
 
 
 def stuck_rows(values: FloatArray, period: float) -> BoolArray:

@@ -15,9 +15,10 @@ TELLING_SENSORS = INERTIAL_SENSORS
 """Sensors whose temperature slopes differ from device to device far more than from run to run
 (Betta et al. 2022, Tables III and IV); a magnetometer's follow the field around it."""
 SLOPE_DIFFERENCE_SHARE = 0.5
-"""Difference of two slopes, as a share of the larger, from which they are of two devices …"""
+"""Difference of two slopes, as a share of the larger, from which an axis speaks for two
+devices."""
 UNLIKE_AXES_SHARE = 0.6
-"""… and share of the axes that have to differ so."""
+"""Share of such axes from which runs are of two devices."""
 SLOPE_DIFFERENCE_SIGMA = 10.0
 """Least difference, in standard errors of independent residuals."""
 

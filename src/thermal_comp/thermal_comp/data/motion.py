@@ -27,9 +27,9 @@ LEAST_TURN_RATE = 0.017
 """Angular velocity a turn of the field has to come with [rad/s]: a heater's current turns the
 field without turning the device."""
 LEAST_MOVING_SHARE = 0.03
-"""Share of seconds with motion from which a recording is of a moving device; one turn is less …"""
+"""Share of seconds with motion from which a recording is of a moving device; one turn is less."""
 LEAST_MOVING_SECONDS = 3
-"""… and least number of such seconds."""
+"""Least number of such seconds."""
 
 
 class MovingError(UserError):

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
 from thermal_comp.data.smoothing import smoothed_conditions
-from thermal_comp.effects.effect import Effect
+
+if TYPE_CHECKING:
+    from thermal_comp.effects.effect import Effect
 
 SHORTEST_GAP_S = 120.0
-"""Length of a gap from which the temperatures in it count as unknown [s] …"""
+"""Length of a gap from which the temperatures in it count as unknown [s]."""
 SHORTEST_GAP_ROWS = 5.0
-"""… and in usual distances of rows: rows that are far apart are no gaps."""
+"""The same in usual distances of rows: rows that are far apart are no gaps."""
 DECAY_TIMES_S = (60.0, 300.0, 1500.0)
 """Time constants of the decays after a gap [s]: sums of them follow any exponential between 30 s
 and an hour."""

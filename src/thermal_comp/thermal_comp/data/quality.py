@@ -42,9 +42,9 @@ IMPLAUSIBLE_NORM_FACTOR = 5.0
 FOREIGN_NOISE_RATIO = 20.0
 """Ratio of a run's noise to that of the other runs from which its unit is another."""
 FLIP_WINDOW_S = 300.0
-"""Length of the means that tell which axis points up [s] …"""
+"""Length of the means that tell which axis points up [s]."""
 STEADY_NORM_SHARE = 0.1
-"""… and whose norm differs from the median by less than this share."""
+"""Largest relative distance of their norm from the median, at rest."""
 
 Scale = tuple[float, float]
 """Norm of the median and median step of one sensor [its unit]."""

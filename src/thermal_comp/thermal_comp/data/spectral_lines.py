@@ -257,7 +257,7 @@ def _averaged(one: _Series, step: float, line: SpectralLine) -> tuple[FloatArray
 
 
 def _departure_from_line(integral: FloatArray) -> FloatArray:
-    """Return what a straight line leaves of an integral: the part by which a drift is told."""
+    """Return an integral less a straight line: the part that shows a drift."""
     place = np.linspace(-1.0, 1.0, len(integral))
     return np.asarray(integral - np.polyval(np.polyfit(place, integral, 1), place))
 

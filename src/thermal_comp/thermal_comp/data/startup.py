@@ -32,9 +32,10 @@ TIME_CONSTANTS_S = np.geomspace(20.0, 2000.0, 121)
 LEAST_MISSING_SHARE = 0.1
 """Least share of the level that is missing at first."""
 ALIKE_TOLERANCE = 0.1
-"""Channels may differ by this share of what is missing …"""
+"""Largest relative difference of a channel from what is missing of the others."""
 ALIKE_SHARE = 0.6
-"""… and at least this share of the channels has to: a gyroscope's level moves with temperature."""
+"""Least share of the channels within ALIKE_TOLERANCE: a gyroscope's level moves with
+temperature."""
 UNEXPLAINED_SHARE = 0.005
 """Median share of the channels' variance that a fit may leave beyond their noise."""
 FIT_VARIANCE_RATIO = 1.5
@@ -114,7 +115,7 @@ def _channels(window: ImuRecording) -> FloatArray:
     values = np.hstack(
         [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
     )
-    return _held(values)
+    return _with_newest_finite(values)
 
 
 def _common_factor(window: ImuRecording) -> tuple[FloatArray, float, int]:
@@ -143,7 +144,7 @@ def _large_ratios(values: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     return ratios, large
 
 
-def _held(values: FloatArray) -> FloatArray:
+def _with_newest_finite(values: FloatArray) -> FloatArray:
     """Return the columns with every value that is not finite replaced by the newest that is."""
     finite = np.isfinite(values)
     row = np.where(finite, np.arange(len(values))[:, None], 0)

@@ -47,13 +47,14 @@ LEAST_SCALE_SPAN_K = 10.0
 LEAST_FOLLOWED_SHARE = 0.8
 """Share of the die's variance that has to follow the temperature around it."""
 DIE_LAGS_S = (0.0, *np.geomspace(30.0, 1800.0, 24).tolist())
-"""Time constants with which the die may follow it [s] …"""
+"""Time constants with which the die may follow it [s]."""
 WARM_UP_TIMES_S = (60.0, 300.0)
-"""… and of its own warmth after power-on [s]."""
+"""Time constants of the die's own warmth after power-on [s]."""
 LEAST_MISFIT_RATIO = 4.0
-"""A scale is wrong where all possible ones leave at least this many times its variance …"""
+"""Least ratio of the variance that all possible scales leave to that of a wrong one."""
 LEAST_SCATTER_SHARE = 0.04
-"""… and at least this share of the die's scatter: a die is more than one thermal node."""
+"""Least share of the die's scatter that possible scales leave where the scale is wrong: a die is
+more than one thermal node."""
 CLOCK_STEPS_NS = (1_000_000_000, 100_000_000, 10_000_000, 1_000_000)
 """Resolutions of a clock that are tried [ns]."""
 COARSE_STEP_SHARE = 0.2
@@ -65,9 +66,9 @@ STREAM_ROW_NS = 1_000_000_000
 MOST_STREAM_ROWS = 4 * 3600
 """Rows that are kept of it: enough for a ramp of a chamber, or a warm-up."""
 LEAST_CHECKED_ROWS = 60
-"""Rows of a stream from which it is checked …"""
+"""Rows of a stream from which it is checked."""
 LEAST_NEW_SHARE = 0.1
-"""… and share of new rows after which it is checked again."""
+"""Share of new rows after which it is checked again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
-        if recording.time[-1] >= CONSTANT_S or _moved(_possible_dies(recording), every):
+        if recording.time[-1] >= CONSTANT_S or _would_move(_possible_dies(recording), every):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, text)
         return
@@ -150,7 +151,7 @@ def stuck_temperature(recording: ImuRecording) -> BoolArray:
     long = np.flatnonzero(np.diff(edges) >= FEWEST_MEASUREMENTS)
     dies = _possible_dies(recording) if len(long) else []
     for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
-        if _moved(dies, slice(start, stop)):
+        if _would_move(dies, slice(start, stop)):
             stuck[start:stop] = True
     return stuck & np.isfinite(values)
 
@@ -169,7 +170,7 @@ def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
     return made
 
 
-def _moved(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
+def _would_move(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
     """Tell whether both dies at some thermometer would move within the rows."""
     return any(bool((np.ptp(die[rows], axis=0) > LEAST_DIE_CHANGE_K).all()) for die in dies)
 

@@ -19,15 +19,16 @@ from thermal_comp.linear.normal_equations import pseudo_solve
 EXTENDED_SETS = 5
 """Likeliest sets beside which the effect is looked for, too."""
 REFUTING_CHI2 = 20.0
-"""χ² against an effect of several sensors from which no flaw in its form excuses it …"""
+"""χ² against an effect of several sensors that refutes it, whatever flaw its form has."""
 REFUTING_SHARE = 2e-4
-"""… or this share of what it explains: the larger it is, the more a flaw in its form costs."""
+"""The same as a share of the χ² it explains, where that is more: a flaw in the form of a large
+effect costs more."""
 
 
 def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
     """Return the sets of a sensor with an effect, and the likeliest others with it added.
 
-    Alone it may explain little, and was then not looked for beside others.
+    An effect that explains little alone was not tried beside others.
     """
     sets = [s for s in answer.sets if name in s.names]
     component = next(c for s in sets for c in s.components if c.name == name)
@@ -43,21 +44,21 @@ def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
 def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     """Return ln of what other sensors add to the odds of an effect of the first; −∞: refuted.
 
-    One set of coefficients, fitted to all sensors beside what else was named, explains less than
-    the first alone would like where the others do not feel it: a scale factor that is equal on
-    all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
-    The prior of the coefficients is as wide as in the first sensor: what it does not tell, the
-    others have to pay for. It stands in the place of what is kindred to it in the others, or
-    beside that: a field of the chamber that turns with the device hides how a tilt turns it.
+    One set of coefficients is fitted to all sensors, beside what else was named. Where other
+    sensors do not feel the effect, it explains less than coefficients of the first sensor alone: a
+    scale factor that is equal on all axes is a tilt to the accelerometer in three orientations,
+    but not to the magnetometer. The prior of the coefficients is as wide as in the first sensor.
+    In the others the effect replaces its kin or stands beside them, whichever is likelier: a field
+    of the chamber that turns with the device hides how a tilt turns it.
     """
     deviation = _coefficient_deviation(effect, searched[0])
-    first = _SensorEquations.by(searched[0], effect, _beside_coupled(effect, searched[0]))
+    first = _SensorEquations.beside(searched[0], effect, _other_components(effect, searched[0]))
     alone = _log_weight([first], deviation)
     best = -np.inf
     for beside_kin in (False, True):
         others = [
-            _SensorEquations.by(
-                answer, effect, _beside_coupled(effect, answer, with_kin=beside_kin)
+            _SensorEquations.beside(
+                answer, effect, _other_components(effect, answer, with_kin=beside_kin)
             )
             for answer in searched[1:]
         ]
@@ -69,28 +70,28 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _SensorEquations:
-    """What one sensor tells of the coefficients of a coupled effect beside its own effects."""
+    """Equations of one sensor for the coefficients of a coupled effect beside its own effects."""
 
     state: ConditionedDesign
     normal: FloatArray
-    """(p, p) normal matrix …"""
+    """(p, p) normal matrix of the coefficients, in their own units."""
     right: FloatArray
-    """… and (p,) right-hand side of the coefficients, in their own units."""
+    """(p,) right-hand side."""
     log_odds: float
-    """ln of the odds of those own effects against what is said of the sensor."""
+    """ln of the odds of those own effects against the sensor's likeliest set."""
 
     @classmethod
-    def by(
-        cls, answer: SensorAnswer, effect: Effect, beside: Sequence[Component]
+    def beside(
+        cls, answer: SensorAnswer, effect: Effect, others: Sequence[Component]
     ) -> _SensorEquations:
-        """Return what a sensor tells beside given components."""
+        """Return the equations of a sensor beside given components."""
         hypotheses = answer.hypotheses
         term = hypotheses.design.term(effect)
-        state = hypotheses.conditioned(beside)
+        state = hypotheses.conditioned(others)
         size = hypotheses.design.size_of(term)
         normal, right = state.shared_equations(term.columns)
         said = answer.set_of(answer.likeliest.components)
-        log_odds = answer.set_of(beside).log_posterior - said.log_posterior
+        log_odds = answer.set_of(others).log_posterior - said.log_posterior
         return cls(state, normal * np.outer(size, size), right * size, log_odds)
 
     def log_gain(self, coefficients: FloatArray) -> float:
@@ -110,8 +111,8 @@ class _SensorEquations:
 def _log_weight(told: Sequence[_SensorEquations], deviation: float) -> float:
     """Return ln of the evidence that coefficients add, one set for all, integrated over them.
 
-    By Laplace's approximation about those that are likeliest by all that is told and by their
-    prior, a Gaussian of standard deviation `deviation`.
+    Laplace's approximation about the likeliest coefficients by all equations and their prior, a
+    Gaussian of standard deviation `deviation`.
     """
     normal = deviation**2 * np.sum([one.normal for one in told], axis=0)
     right = deviation**2 * np.sum([one.right for one in told], axis=0)
@@ -121,10 +122,10 @@ def _log_weight(told: Sequence[_SensorEquations], deviation: float) -> float:
     return sum(one.log_gain(likeliest) for one in told) - 0.5 * prior
 
 
-def _beside_coupled(
+def _other_components(
     effect: Effect, answer: SensorAnswer, *, with_kin: bool = False
 ) -> list[Component]:
-    """Return what stands beside a coupled effect in a sensor, `with_kin`: kindred ones, too."""
+    """Return the other effects of a sensor's likeliest set; its kin among them only `with_kin`."""
     with_it = next((s for s in answer.sets if effect.name in s.names), None)
     if with_it is not None:
         return [c for c in with_it.components if c.name != effect.name]

@@ -9,9 +9,9 @@ from dataclasses import replace
 from imu_recording.recording import ImuRecording
 
 from thermal_comp.comparison.compare import Comparison, compare_prepared, rms_of
-from thermal_comp.comparison.improvement import falls
 from thermal_comp.comparison.simpler import raised
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import falls
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.change import changes
 from thermal_comp.diagnosis.evidence.posterior import credible

@@ -251,10 +251,10 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return what changed first, then what sensors lack, the clock, the noise."""
-    return tuple(sorted(findings, key=_place))
+    return tuple(sorted(findings, key=_sort_key))
 
 
-def _place(finding: Finding) -> tuple[int, float]:
+def _sort_key(finding: Finding) -> tuple[int, float]:
     """Return what findings are ordered by: their kind, then their evidence."""
     if finding.name == 'clock_temperature':
         return 2, -finding.evidence
@@ -264,7 +264,7 @@ def _place(finding: Finding) -> tuple[int, float]:
 def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect, ...]:
     """Return every effect that was weighed, sensor by sensor, most probable first.
 
-    That it might stand beside others too small to be seen makes no effect a rival of theirs.
+    Its probability is that it acts visibly; what it may add unseen beside others does not count.
     """
     found: list[RankedEffect] = []
     for sensor, answer in answers.items():

@@ -15,9 +15,9 @@ from thermal_comp.comparison.compare import (
     compare_prepared,
     rms_of,
 )
-from thermal_comp.comparison.improvement import falls, parts_that_fall
 from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import falls, parts_that_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.evidence.candidates import missing_channels

@@ -46,7 +46,7 @@ class NoiseFinding:
 
 @dataclass(frozen=True, eq=False)
 class NoiseReference:
-    """Noise that counts as normal, by sensor; what it does not hold is not judged by it."""
+    """Noise that counts as normal, by sensor; sensors that it does not hold are not compared."""
 
     name: str
     """Whose noise it is."""
@@ -141,5 +141,5 @@ def noise_above_reference(
 
 
 def _evidence(ratio: float, variance: float) -> float:
-    """Return how many variances the logarithm of a ratio is above nought; 0 for small ones."""
+    """Return the square of ln of a ratio over its variance; 0 for small ratios."""
     return float(np.log(ratio)) ** 2 / variance if ratio > REPORTED_RATIO else 0.0

@@ -36,7 +36,7 @@ class Finding:
     """2 ln of the Bayes factor."""
     threshold: float = 0.0
     probability: float | None = None
-    """That it acts; None for what is counted, not inferred."""
+    """Probability that it acts; None for what is counted, not inferred."""
     ambiguous_with: tuple[str, ...] = ()
     depends_on: str | None = None
     error_before: float | None = None
@@ -82,7 +82,8 @@ class NamedExplanation:
     """One explanation of a sensor's residual: a set of effects, nothing, or something else."""
 
     names: tuple[str, ...]
-    """Effects; () for nothing; last, for what has no name, `not_in_catalogue` or `unlogged`."""
+    """Names of its effects, () for nothing; a cause without a name stands last, as
+    `not_in_catalogue` or `unlogged`."""
     sensor: str
     probability: float
     approximate: bool
@@ -135,7 +136,8 @@ class SensorState:
     unit: str
     where: tuple[Mapping[str, Any], ...] = ()
     smallest_found: Mapping[str, float] = field(default_factory=dict)
-    """By effect the rms of its error that would have been found, about, where none is missing."""
+    """Rms of its error from which an effect would have been found, about, by effect, where none is
+    missing."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -186,9 +188,9 @@ class RankedEffect:
 
     sensor: Sensor
     effect: Effect
-    """In the form that explains most: beside what it is named with, else by itself."""
+    """The form that explains most, beside the effects it is named with, else by itself."""
     probability: float
-    """That it acts: of all explanations it has a part in."""
+    """Probability that it acts: that of all explanations with it."""
     log_odds: float
     """ln of the odds of this effect alone to nothing at all, prior and evidence."""
 
@@ -217,9 +219,10 @@ class Diagnosis(Presented):
     explanations: tuple[NamedExplanation, ...] = ()
     """Per sensor the fewest explanations that hold 95 % together, most probable first."""
     predictions: tuple[Prediction, ...] = ()
-    """What adding what was named would leave, and where nothing is named, the closest effects."""
+    """Errors that a correction with the named effects would leave, or with the closest ones where
+    nothing is named."""
     ranking: tuple[RankedEffect, ...] = ()
-    """Every effect that was weighed, for who draws them; not in `to_dict`."""
+    """Every effect that was weighed, for figures; not in `to_dict`."""
 
     @property
     def verdict(self) -> str:

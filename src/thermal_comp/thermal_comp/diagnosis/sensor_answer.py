@@ -38,7 +38,7 @@ class FoundElsewhere:
     name: str
     probability: float
     otherwise: tuple[Explanation, ...]
-    """What explains this sensor's residual where it does not act."""
+    """Explanations of this sensor's residual without it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,13 @@ class SensorAnswer:
     explanations: tuple[Explanation, ...]
     """Most probable first; their probabilities sum to 1."""
     offered: tuple[type[Effect], ...]
-    """Effects of the catalogue that were looked for in this sensor …"""
+    """Effects of the catalogue that were tried in this sensor."""
     untried: frozenset[str]
-    """… and those whose channel was not logged."""
+    """Effects that were not, as a channel was not logged."""
     log_evidence: float
     """ln of the density of the rows under all explanations, of noise and model together."""
     elsewhere: FoundElsewhere | None = None
-    """The coupled effect beside which all this was found."""
+    """Coupled effect of another sensor, beside which the explanations were found."""
 
     @property
     def with_coupled(self) -> tuple[Explanation, ...]:
@@ -83,7 +83,7 @@ class SensorAnswer:
 
     @property
     def needed_evidence(self) -> float:
-        """2 ln of the Bayes factor from which an effect is likelier than not to be believed."""
+        """2 ln of the Bayes factor from which something is reported as missing."""
         return self.hypotheses.needed_evidence(MISSING_PROBABILITY)
 
     @property

@@ -35,13 +35,13 @@ from thermal_comp.noise.of_runs import (
 )
 
 SURE_OF_NOTHING = 0.95
-"""Probability that a sensor lacks nothing from which it need not be asked again."""
+"""Probability that a sensor lacks nothing, from which it is not searched again."""
 LEAST_EVIDENCE_DIFFERENCE = 0.5
-"""Least change of the ln evidence between two sets by the other sensors' information."""
+"""Least change of the ln evidence between likely sets by the other sensors' information."""
 COMPARED_SETS = 5
-"""Likeliest sets between which it is looked for."""
+"""Number of likeliest sets that are compared for it."""
 CHANGED_VARIANCE_SHARE = 0.8
-"""Share of its variance below which noise is another one."""
+"""Ratio of two variances of noise, below which they are different."""
 SHARE_BEFORE, SHARE_OF_SEARCH = 0.1, 0.75
 """Share of a diagnosis that is done before its sensors are searched, and after them."""
 Listed = dict[Sensor, tuple[Effect, ...]]
@@ -101,35 +101,35 @@ class SensorSearches:
     def of_sensor(self, sensor: Sensor, known: Sequence[Effect] = ()) -> SensorAnswer:
         """Return the answer about one sensor; `known` effects stand beside the base.
 
-        Noise that is louder than usual may be an effect: with the usual noise it is asked again,
-        and the likelier of the two stands. What is named, or comes closest where nothing is, and
-        had been taken for noise (a step, a line) has the search begin anew, with the noise beside
-        it.
+        Noise that is louder than usual may be an effect: the search is repeated with the usual
+        noise, and the likelier answer stands. Where an effect that is named, or the closest where
+        none is, had been taken for noise (a step, a line), the search is repeated with the noise
+        beside it.
         """
         beside = (*self.base[sensor], *known)
         axes = independent_axes(self.source.runs, sensor)
         runs = turned_runs(self.source.runs, sensor, axes)
         before = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
-        found = self._under(before, sensor, beside, axes)
+        found = self._answer_with_noise(before, sensor, beside, axes)
         usual = usual_noise(runs, sensor, before)
         if usual is not None:
-            other = self._under(usual, sensor, beside, axes)
+            other = self._answer_with_noise(usual, sensor, beside, axes)
             loudness = log_prior_of_loudness(before, usual, runs[0].period)
             if other.log_evidence > found.log_evidence + loudness:
                 found, before = other, usual
         likely = {sensor: joined_effects([*beside, *found.named, *found.closest])}
         noise = noise_beside(runs, likely, {sensor: before})[sensor]
         if _differs(noise, before, runs[0].period):
-            found = self._under(noise, sensor, beside, axes)
+            found = self._answer_with_noise(noise, sensor, beside, axes)
         return found
 
     def with_one_thermometer(
         self, found: Mapping[Sensor, SensorAnswer]
     ) -> dict[Sensor, SensorAnswer]:
-        """Return what changes where the others tell of the thermometer's errors.
+        """Return the answers that change by the information of others on the thermometer's errors.
 
-        A sensor that lacks something without a name tells nothing. One that lacks nothing is not
-        asked again, nor one to whose likeliest sets it makes no difference.
+        Sensors that lack something without a name give no information. A sensor that lacks nothing
+        is not searched again, nor one whose likeliest sets keep their evidence.
         """
         understood = {s for s, a in found.items() if a.kind not in UNNAMED}
         told = information_of_others(
@@ -152,11 +152,11 @@ class SensorSearches:
     def of_coupled(
         self, effect: type[Effect], found: Mapping[Sensor, SensorAnswer]
     ) -> dict[Sensor, SensorAnswer]:
-        """Return what changes where several sensors feel an effect with the same coefficients.
+        """Return the answers that change by an effect whose coefficients several sensors share.
 
-        A fixture that tilts turns gravity and field alike. Such an effect is looked for in its
-        first sensor; where that may have found it the others are asked, and if it is named then,
-        they are searched with it as known.
+        A fixture that tilts turns gravity and field alike. Such an effect is searched in its first
+        sensor and, where that may have it, weighed with the others. If it is then named, the
+        others are searched again with it as known.
         """
         asked = [sensor for sensor in effect.sensors if sensor in found]
         if len(asked) < 2 or not any(
@@ -188,7 +188,7 @@ class SensorSearches:
             again[sensor] = replace(self.of_sensor(sensor, forms), elsewhere=elsewhere)
         return again
 
-    def _under(
+    def _answer_with_noise(
         self,
         noise: NoiseModel,
         sensor: Sensor,
@@ -231,7 +231,7 @@ def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed
 
 
 def _differs(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
-    """Tell whether the noise of block means has changed either way, or slow noise is gone.
+    """Tell whether noise differs: variance of block means, either way, or less slow noise.
 
     It is louder where an effect that was fitted as slow noise had taken the place of white noise.
     """

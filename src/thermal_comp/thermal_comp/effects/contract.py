@@ -190,7 +190,7 @@ def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> 
 
 
 def _problems_of_the_hints(effect: type[Effect]) -> list[str]:
-    """Return what cannot be in the attributes that search and diagnosis go by."""
+    """Return attributes of search and diagnosis that have impossible values."""
     problems = [
         f'{flag} is {getattr(effect, flag)!r}, expected True or False'
         for flag in FLAGS

@@ -20,9 +20,9 @@ from thermal_comp.data.conditions import CHANNELS, Conditions, Sensor
 NEIGHBOUR_CORRELATION = 0.7
 """Correlation of the columns of neighbours, beside a line in temperature, at least."""
 MOST_VALUES = 65
-"""Values of one parameter, at most …"""
+"""Largest number of values of one parameter."""
 MOST_FORMS = 400
-"""… and forms of an effect of several parameters."""
+"""Largest number of forms of an effect of several parameters."""
 CYCLE_HOURS, CYCLE_ROWS = 12.0, 1441
 """Length and rows of the example."""
 COLDEST_C, HOTTEST_C = -45.0, 90.0

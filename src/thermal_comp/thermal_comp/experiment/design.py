@@ -64,7 +64,8 @@ class Proposal:
 class Separation:
     """The evidence that plans promise between two effects of the size they are expected to have.
 
-    It is the lesser of what each leaves that the other and the rest of the model do not explain.
+    Each effect leaves a residual that the other and the rest of the model do not explain; the
+    lesser one counts.
     """
 
     rivals: tuple[Rival, Rival]
@@ -120,7 +121,7 @@ def separation_of(
     catalogue: dict[str, type[Effect]],
     missing: Mapping[Sensor, float] | None = None,
 ) -> Separation:
-    """Return what plans are compared by: the effects as the model has them, and its noise.
+    """Return the measure of plans: the effects as the model has them, and its noise.
 
     `missing`: as of `design_experiment`.
     """

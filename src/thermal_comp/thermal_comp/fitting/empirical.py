@@ -9,8 +9,8 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.comparison.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical

@@ -344,7 +344,7 @@ class OrdinaryLeastSquares:
     def penalty(self) -> FloatArray:
         """(3, p) what the priors add to the diagonal of XᵀX.
 
-        A column that stood alone would have the least expected error with it.
+        It minimises the expected error of a single column.
         """
         variance = np.diagonal(self.spread, axis1=1, axis2=2)
         variance = variance / np.maximum(np.diag(self.normal), 1e-300)

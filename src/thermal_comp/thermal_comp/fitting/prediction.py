@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from thermal_comp.comparison.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
 from thermal_comp.linear.columns import LEAST_NEW_POWER
@@ -24,7 +24,7 @@ from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
 
 MOST_ADDED_EFFECTS = 3
-"""Effects that a sensor gets at most without their cause being decided."""
+"""Largest number of effects that a sensor gets without a decided cause."""
 LEAST_RELATIVE_CHANGE = 1e-3
 """Relative change of held-out errors from which an effect changes anything."""
 
@@ -79,21 +79,21 @@ def predictive_effects(
     forms = {**forms, **live}
     every = dict.fromkeys(p for some in forms.values() for form in some for p in form.parts())
     sums = part_sums(runs, sensor, known, tuple(every), noise)
-    start = _with(sums, forms, None, ())
+    start = _added(sums, forms, None, ())
     best = current = start
     names = [name for name in forms if not catalogue[name].channels]
     while len(current.names) < MOST_ADDED_EFFECTS and may_fall(current.errors, sums.variance):
         left = [name for name in names if name not in current.names]
-        single = [_with(sums, forms, current, (name,)) for name in left]
+        single = [_added(sums, forms, current, (name,)) for name in left]
         further = _best(sums, forms, current, single)
         if further is None and len(current.names) + 2 <= MOST_ADDED_EFFECTS:
             left = [n for n, s in zip(left, single, strict=True) if _differs(s, current)]
-            pairs = [_with(sums, forms, current, pair) for pair in combinations(left, 2)]
+            pairs = [_added(sums, forms, current, pair) for pair in combinations(left, 2)]
             further = _best(sums, forms, current, pairs)
         if further is None:
             break
         best = current = further
-    whole = [_with(sums, forms, start, names) for names in candidates if set(names) <= set(forms)]
+    whole = [_added(sums, forms, start, names) for names in candidates if set(names) <= set(forms)]
     better = _best(sums, forms, start, [s for s in whole if _total(sums, s) < _total(sums, best)])
     return (better or best).effects
 
@@ -196,7 +196,7 @@ def _falls_on_longer(sums: PartSums, forms: Forms, before: Selection, after: Sel
     if longer is sums:
         return True
     return falls_enough(
-        *(_total(longer, _with(longer, forms, None, s.names)) for s in (before, after))
+        *(_total(longer, _added(longer, forms, None, s.names)) for s in (before, after))
     )
 
 
@@ -209,7 +209,7 @@ def _total(sums: PartSums, selection: Selection) -> float:
     return float((selection.errors / sums.variance).sum())
 
 
-def _with(
+def _added(
     sums: PartSums, forms: Forms, before: Selection | None, names: Sequence[str]
 ) -> Selection:
     """Return a selection with further effects, each in its best form for the rest of the parts."""

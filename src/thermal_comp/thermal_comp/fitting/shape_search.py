@@ -20,9 +20,9 @@ GRID_POINTS = 13
 GRID_SWEEPS = 3
 """Rounds over all parameters, one by one, before all are refined together."""
 LARGEST_LINE_CYCLES = 0.7
-"""Cycles by which the search may move a spectral line over a run …"""
+"""Cycles over a run by which the search may move a spectral line."""
 LINE_SPAN_K = 20.0
-"""… and, by its drift, over this change of temperature [K]."""
+"""Change of temperature over which its drift may move it by as much [K]."""
 
 
 Cost = Callable[[FloatArray], float]
@@ -247,7 +247,7 @@ def _by_rows(cost: Cost, values: FloatArray, scales: list[ShapeScale]) -> FloatA
 
 
 def _along(cost: Cost, values: FloatArray, k: int, grid: FloatArray) -> FloatArray:
-    """Return the values with number k at its best on the grid, unless it is best as it is."""
+    """Return the values with number k replaced by the best on the grid, if that is better."""
     trials = [values]
     for point in grid:
         trial = values.copy()

@@ -107,10 +107,10 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
         if all(1.0 / LARGEST_WIDTH_RATIO < ratio < LARGEST_WIDTH_RATIO for ratio in ratios):
             break
         secants = after
-    return wider, _with_surface_doubt(wider, solution, estimate)
+    return wider, _with_surface_error(wider, solution, estimate)
 
 
-def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
+def _with_surface_error(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
     """Return the solution, its covariance with the uncertainty of the surface's temperature.
 
     Water freezes at another place than the thermometer's: an offset o of known standard deviation

@@ -109,9 +109,9 @@ class SensorModel:
     levels: Mapping[str, FloatArray] = field(default_factory=dict)
     """(3,) mean output at the reference temperature of each run, by run name [unit]."""
     shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Standard deviations of the fitted shape parameters, by `effect.parameter` …"""
+    """Standard deviations of the fitted shape parameters, by `effect.parameter`."""
     shape_form_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """… and the part of them that is due to an equation only nearly right, where it is known."""
+    """Part of them that is due to an equation only nearly right, where it is known."""
     contributions: Mapping[str, FloatArray] = field(default_factory=dict)
     """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: so much
     stays in data where an effect cannot be applied."""

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.jumps import basis_with_jumps
+from thermal_comp.noise.kept_results import kept
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
     ResidualSpectrum,

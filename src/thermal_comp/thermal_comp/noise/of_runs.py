@@ -31,9 +31,9 @@ CORRELATED_EVIDENCE = 10.0
 LOUD_NOISE_RATIO = 5.0
 """Fitted noise of means, over the usual one, from which it may be an effect fitted as noise."""
 OTHER_WHITE_RATIO = 2.0
-"""Ratio of fitted white noise to that of second differences, from which the latter counts …"""
+"""Ratio of fitted white noise to that of second differences, from which the latter counts."""
 LEAST_BENDS = 10
-"""… where there are at least so many second differences."""
+"""Number of second differences that this needs."""
 LEAST_COVARIANCE_ROWS = 10
 """Rows a covariance of noise is estimated from, at least."""
 LEAST_NOISE_SHARE = 1e-12

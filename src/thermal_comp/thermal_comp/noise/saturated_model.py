@@ -41,7 +41,7 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     """
     columns = [*_repeatable(run), *_slow(run)]
     if sum(part.shape[1] for part in columns) > LARGEST_COLUMN_SHARE * _effective_blocks(run):
-        columns = _few(run)
+        columns = _columns_of_few_blocks(run)
     return joined_basis(columns)
 
 
@@ -92,7 +92,7 @@ def _effective_blocks(run: PreparedRun) -> float:
     return float(np.maximum(lengths * np.minimum(lengths / pause, 1.0), 1.0).sum())
 
 
-def _few(run: PreparedRun) -> list[FloatArray]:
+def _columns_of_few_blocks(run: PreparedRun) -> list[FloatArray]:
     """Return the columns of a run of few effective blocks."""
     temperature, time = run.temperature, run.time
     low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)

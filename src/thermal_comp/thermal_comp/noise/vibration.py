@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that grows with vibration, and how much less rows weigh that were shaken.
+"""Noise that grows with vibration, and the lower weight of rows that were shaken.
 
 A compressor that runs at times, or propellers, add noise to the means of some rows only. How much
-a variance of samples adds to the variance of their mean depends on their spectrum; it is fitted
-to what a saturated model leaves: the difference of neighbouring block means has the variance
-
-    2 s² (1 + ρ u),   u = variance of the acceleration beyond that of the quietest rows,
-
-with s² and ρ of each axis those of the greatest likelihood (a multiplicative variance model;
-Harvey, Econometrica 44 (1976), 461-465).
+a variance of samples adds to the variance of their mean depends on their spectrum; it is fitted to
+what a saturated model leaves: the difference of neighbouring block means has the variance 2 s² (1
++ ρ u), u = variance of the acceleration beyond that of the quietest rows, with s² and ρ of each
+axis those of the greatest likelihood (a multiplicative variance model; Harvey, Econometrica 44
+(1976), 461-465).
 """
 
 from __future__ import annotations
@@ -34,9 +32,10 @@ STILL_ROWS_SHARE = 0.05
 VARIANCE_RATIOS = np.r_[0.0, np.geomspace(0.05, 1e7, 64)]
 """Variances that the strongest vibration may add, over that of still rows."""
 MOST_ROUNDS = 5
-"""Fits of the ratio and of the saturated model, in turn: shaken rows weigh less in each …"""
+"""Largest number of fits of ratio and saturated model in turn, as shaken rows weigh less in
+each."""
 LARGEST_RATIO_CHANGE = 0.3
-"""… until the ratio changes by less than this share."""
+"""Relative change of the ratio below which the fits end."""
 SHAKEN_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which noise grows with vibration."""
 SHAKEN_NOISE_RATIO = 2.0

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
 AXES = {'x': '#c1440e', 'y': '#1a7f37', 'z': '#1f5fbf'}
-"""Colours of the lines: of like lightness, told apart by those who see no red or green."""
+"""Colours of the axes: equally light, and distinguishable without seeing red or green."""
 COLUMNS = {
     'measured_rms': 'measured',
     'residual_rms': 'residual',

@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thermal_comp.comparison.improvement import rises
 from thermal_comp.data.acting_channels import topics_to_log
+from thermal_comp.data.improvement import rises
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
@@ -26,7 +27,7 @@ VERDICTS = {
     'data_quality': 'the data have defects; they were left out of what follows',
 }
 """Verdicts in words."""
-TOPICS = topics_to_log()
+TOPICS = topics_to_log(EFFECTS)
 """Topic to log, by the channel that is missing."""
 DEFECTS = {
     'saturation': 'choose a wider full scale or remove the magnet',
@@ -67,7 +68,9 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
         if state.get('smallest_found'):
             lines.append(f'    would have been found: {_range_found(sensor, state)}')
         if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
-            lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
+            lines.append(
+                f'    worst: {"; ".join(_where_text(where) for where in state["where"][:3])}'
+            )
     lines += undecided_lines(content.get('undecided', ()))
     lines += [f'  undetermined: {text}' for text in content['undetermined']]
     lines += _greyed_lines(content['greyed_out'])
@@ -242,7 +245,7 @@ def _times(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-def _place(where: Mapping[str, Any]) -> str:
+def _where_text(where: Mapping[str, Any]) -> str:
     ratio = f'{where["ratio"]:.1f} × floor'
     if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
         return f'{where["phase"]} {where["cycle"]} {ratio}'

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.comparison import comparison_text
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
@@ -43,7 +43,7 @@ def growth_text(content: Mapping[str, Any]) -> str:
 
 
 def _doubt_about_fall(step: Mapping[str, Any]) -> str:
-    """Return that the held-out error may not have fallen; '' where its fall is beyond chance."""
+    """Return a remark where the held-out error falls no more than by chance; '' elsewhere."""
     if step['lowered']:
         return ''
     if step['error_after'] >= step['error_before']:

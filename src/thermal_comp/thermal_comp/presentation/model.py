@@ -11,7 +11,7 @@ from imu_recording.recording import STANDARD_GRAVITY
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
-from thermal_comp.presentation.notebook import html_table
+from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture

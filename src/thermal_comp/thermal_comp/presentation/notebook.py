@@ -4,22 +4,44 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from html import escape
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from imu_recording.user_error import UserError
+
+from thermal_comp.presentation import comparison, diagnosis, growth, model
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
 
+class Presentation(Protocol):
+    """A module that shows one kind of result."""
+
+    def text(self, content: Any, /) -> str:
+        """Return the result's `to_dict()` as lines for a terminal."""
+
+    def table(self, content: Any, /) -> str:
+        """Return the result's `to_dict()` as HTML."""
+
+    def picture(self, result: Any, /) -> Picture:
+        """Return a picture of the result."""
+
+
+PRESENTATIONS: Mapping[str, Presentation] = {
+    'comparison': comparison,
+    'diagnosis': diagnosis,
+    'growth': growth,
+    'model': model,
+}
+"""Kind of result → module that shows it."""
+
+
 class Presented(ABC):
-    """A result whose module of this package turns it into `text`, `table` and `picture`."""
+    """A result with a text, a table and a picture."""
 
     presentation: ClassVar[str]
-    """Module of `thermal_comp.presentation`; imported where something is shown."""
+    """Kind of result, a key of PRESENTATIONS."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -27,43 +49,17 @@ class Presented(ABC):
 
     def __repr__(self) -> str:
         """Return the result as lines for a terminal."""
-        return str(self._presentation().text(self.to_dict()))
+        return PRESENTATIONS[self.presentation].text(self.to_dict())
 
     def _repr_html_(self) -> str:
         """Return the result as a table for a notebook."""
-        return str(self._presentation().table(self.to_dict()))
+        return PRESENTATIONS[self.presentation].table(self.to_dict())
 
     def plot(self) -> Picture:
         """Return a picture of the result; needs matplotlib, which is optional."""
         try:
-            picture: Picture = self._presentation().picture(self)
+            return PRESENTATIONS[self.presentation].picture(self)
         except ModuleNotFoundError as error:
             if error.name and error.name.startswith('matplotlib'):
                 raise UserError('plot() needs matplotlib: pip install matplotlib') from None
             raise
-        return picture
-
-    def _presentation(self) -> Any:
-        return import_module(f'thermal_comp.presentation.{self.presentation}')
-
-
-def html_table(
-    title: str,
-    head: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    notes: Iterable[str] = (),
-) -> str:
-    """Return a table as HTML; every string is escaped."""
-    return ''.join(
-        [
-            f'<b>{escape(title)}</b><table><thead><tr>',
-            *(f'<th>{escape(name)}</th>' for name in head),
-            '</tr></thead><tbody>',
-            *(
-                '<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>'
-                for row in rows
-            ),
-            '</tbody></table>',
-            *(f'<div>{escape(note)}</div>' for note in notes),
-        ]
-    )

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermal_comp.comparison.second_opinion import SecondOpinion
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.presentation.comparison import AXES
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
+    from thermal_comp.second_opinion.opinion import SecondOpinion
 
 
 def opinion_picture(

@@ -19,11 +19,11 @@ from thermal_comp.presentation.display import (
     fixed,
     shown,
 )
-from thermal_comp.still.curves import StillCurves
-from thermal_comp.still.log import RestingLog
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
+    from thermal_comp.still.curves import StillCurves
+    from thermal_comp.still.log import RestingLog
 
 TABLE_STEP_K = 5.0
 """Step of the temperatures in the table [K]."""

@@ -15,9 +15,9 @@ from thermal_comp.effects.empirical_term import DEGREES, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 
 COARSE_LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
-"""Lags that are tried: package to enclosure …"""
+"""Lags that are tried first: package to enclosure."""
 FINE_LAG_STEP = 2.0**0.25
-"""… and ratio of the finer ones that are tried about the likeliest."""
+"""Ratio of the finer lags that are tried about the likeliest."""
 CURVE_SIZE = 1 + len(DEGREES)
 """Coefficients of an axis: the line and the polynomials of `empirical_term`; a lag comes last."""
 LAG_SIZE = 3

@@ -62,11 +62,11 @@ class LevelEquations:
     floor: FloatArray
     """(k,) least variance of each level [unit²]."""
     fixed: FloatArray
-    """(p,) prior standard deviation of each coefficient; infinite for none …"""
+    """(p,) prior standard deviation of each coefficient; infinite for none."""
     bending: FloatArray
-    """(p,) … of those that are bends, for bends of size 1 …"""
+    """(p,) prior standard deviation of those that are bends, for bends of size 1."""
     slopes: NDArray[np.bool_]
-    """(p,) … and whether one is the slope of a single stretch about the curve's."""
+    """(p,) whether a coefficient is the slope of a single stretch about the curve's."""
     usual: FloatArray
     """(4,) usual σ_u, σ_v, size of the bends [unit], and σ of the slopes [unit/K]."""
 
@@ -106,7 +106,7 @@ def solve_levels(equations: LevelEquations, sigma: FloatArray | None = None) -> 
         covariance=covariance,
         sigma=sigma,
         log_evidence=_log_posterior(equations, np.log(sigma / equations.usual)),
-        apart=_apart(equations, sigma, estimate),
+        apart=_left_out_residuals(equations, sigma, estimate),
     )
 
 
@@ -160,7 +160,9 @@ def _posterior(
     return precision, moment, weight, float(e.target @ weight @ e.target)
 
 
-def _apart(equations: LevelEquations, sigma: FloatArray, estimate: FloatArray) -> FloatArray:
+def _left_out_residuals(
+    equations: LevelEquations, sigma: FloatArray, estimate: FloatArray
+) -> FloatArray:
     """Return (k,) leave-one-out residuals of the levels in their standard deviations."""
     e = equations
     levels, common = estimate[: e.seen.shape[1]], estimate[len(e.moment) :]

@@ -46,10 +46,10 @@ YEAR_S = 365.25 * 86400.0
 LEAST_DATE_SPAN_S = 86400.0
 """Span of dates from which ageing is estimated [s]."""
 ODD_SIGMA = 6.0
-"""Distance of a level from what the others lead to expect, in standard deviations, from which it
-is odd …"""
+"""Distance of a level from its prediction by the others, in standard deviations, from which it is
+odd."""
 LARGEST_ODD_SHARE = 0.1
-"""… and largest share of the stretches that is left out for it."""
+"""Largest share of the stretches that is left out as odd."""
 LEAST_LAG_LOG_EVIDENCE = 5.0
 """ln of the Bayes factor from which a lag is taken."""
 LEARNING_RATE = 0.1

@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 from thermal_comp.data.binning import bin_means, bin_variances
 
 LEAST_WINDOW_S = 1.0
-"""Length of a window, at least [s] …"""
+"""Least length of a window [s]."""
 LEAST_SAMPLES = 8
-"""… and samples in it: it is longer where samples are slow."""
+"""Least number of samples in it: it is longer where samples are slow."""
 QUIET_WINDOWS = 9
 """Windows in a row whose median scatter, where it is least, is the noise."""
 LARGEST_SCATTER_RATIO = 1.4
-"""Largest scatter of a window at rest, over that noise, beside what chance adds …"""
+"""Largest scatter of a window at rest, over that noise, apart from chance."""
 CHANCE_SIGMA = 5.0
-"""… in standard deviations of the scatter of a window's samples."""
+"""Chance that is allowed beside, in standard deviations of the scatter of a window's samples."""
 LARGEST_CHANGE_RATIO = 6.0
 """Largest change of a mean from window to window at rest, over the usual one."""
 LARGEST_NOISE = {'gyroscope': 0.02, 'accelerometer': 0.2}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
-from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors
+from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors, lost_channels
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations
 from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
@@ -52,6 +52,21 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
     asked = {r.depends_on for r in generic_regressors(design) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
+
+
+def test_a_lost_channel_of_a_user_s_effect_is_suspected_on_its_sensor() -> None:
+    class Barometric(BiasTemperature):
+        sensors = ('gyroscope',)
+        channels = ('pressure',)
+
+    runs = prepare([run(seed=1, cycles=3, period=20.0)])
+    lost = {}
+    for sensor in ('gyroscope', 'accelerometer'):
+        noise = fit_noise(runs, sensor)
+        design = CandidateDesign(ColumnSource(runs), sensor, noise, [BiasTemperature()])
+        known = lost_channels(design)
+        lost[sensor] = set(lost_channels(design, {**EFFECTS, 'barometric': Barometric})) - {*known}
+    assert lost == {'gyroscope': {'pressure'}, 'accelerometer': set()}
 
 
 @pytest.mark.parametrize('channel', ['pressure', 'fan'])

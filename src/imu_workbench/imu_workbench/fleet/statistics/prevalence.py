@@ -45,9 +45,9 @@ class Prevalence:
     evidence: float
     """ln of the joint Bayes factor against none."""
     probability: float
-    """Among the effects tried in this sensor and none, one of them at most."""
+    """Probability that it acts, one at most of the effects tried in this sensor."""
     share: float
-    """Of the devices that have it."""
+    """Share of the devices that have it."""
     share_range: tuple[float, float]
     """90 % interval of the share."""
     alone: int

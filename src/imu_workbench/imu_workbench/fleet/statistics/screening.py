@@ -38,7 +38,7 @@ MOST_ROUNDS = 10
 START_DEVICES = 300
 """Devices that the robust start of a larger lot takes at least."""
 SEED = 5
-"""Of the subsets that the minimum covariance determinant starts from."""
+"""Seed of the subsets that the minimum covariance determinant starts from."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Screening:
 
 
 def screen(vectors: Vectors) -> Screening:
-    """Return how probable each device is in its lot."""
+    """Return the p-value of each device in its lot."""
     n = len(vectors)
     found = Screening(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 4), np.nan))
     for (kind, lot), group in vectors.groups():
@@ -79,7 +79,7 @@ def screen(vectors: Vectors) -> Screening:
 
 
 def upper_p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (n,) how rare it is to be that large, and (n,) standardised values.
+    """Return (n,) p-values of values so large, and (n,) standardised values.
 
     Where only a part of a lot has an effect, misfits have a tail to one side: their scale is that
     of the upper tenth, where it is wider than the middle's.
@@ -94,7 +94,7 @@ def upper_p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (n,) how rare each row of (n, d) values is, and (n, d) its standardised values."""
+    """Return (n,) p-values of the rows of (n, d) values, and (n, d) standardised values."""
     scale = 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0)
     y = (values - np.median(values, axis=0)) / np.where(scale > 0.0, scale, 1.0)
     kept = _first_clean(y)

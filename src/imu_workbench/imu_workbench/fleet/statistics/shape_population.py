@@ -46,12 +46,12 @@ class ShapePopulation:
     sensor: str
     effect: str
     unit: str
-    """Of a coefficient."""
+    """Unit of a coefficient."""
     parameter: str
     parameter_unit: str
     devices: int
     share: float
-    """Of them that have the effect."""
+    """Share of the devices that have the effect."""
     mean: FloatArray
     """(4,) coefficients of x, y, z, and ln of the shape parameter."""
     mean_std: FloatArray

@@ -43,7 +43,7 @@ class Input:
     """Standard uncertainty [`unit`]."""
     unit: str
     degrees: float = math.inf
-    """Of freedom."""
+    """Degrees of freedom."""
     kind: Kind = 'offset'
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
     the difference between the ends of the temperature range [K]; input: relative error of the

@@ -45,7 +45,8 @@ from imu_workbench.report.modelled import errors_of_run
 from imu_workbench.report.series import line
 
 SCHEMA = 2
-"""Of a certificate's content: since 2 `shapes` have the form of `quantities`, a budget each."""
+"""Schema of a certificate's content: since 2 `shapes` have the form of `quantities`, a budget
+each."""
 RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
 RULES = {

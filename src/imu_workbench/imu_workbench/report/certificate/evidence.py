@@ -27,7 +27,7 @@ class Evidence:
     model: SensorModel
     runs: tuple[PreparedRun, ...]
     up_axes: tuple[str, ...]
-    """Of each run; '' unknown."""
+    """Axis that points up in each run; '' where unknown."""
     repeated: Replicates
     joint: JointDesign
     """All coefficients and shape parameters over all runs together."""

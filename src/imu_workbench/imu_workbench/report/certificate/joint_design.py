@@ -35,9 +35,9 @@ class Shape:
     """Index into a tuple of values; None for a single value."""
     value: float
     std: float
-    """Standard uncertainty of the fit [its unit] …"""
+    """Standard uncertainty of the fit [its unit]."""
     form: float
-    """… and of the effect's equation [its unit]; 0 where it is not known."""
+    """Standard uncertainty of the effect's equation [its unit]; 0 where it is not known."""
     unit: str
     label: str
     """Name of the effect and of the parameter, numbered where it has several values."""

@@ -201,9 +201,9 @@ class Fitted:
     unknown: int
     """Its place in the joint design."""
     effect: Effect | None
-    """Whose coefficient it is; None for a shape parameter."""
+    """Effect whose coefficient it is; None for a shape parameter."""
     changes: FloatArray
-    """(k,) of its value to those of single parts [unit]."""
+    """(k,) changes from its value to those of single parts [unit]."""
     run: IntArray
     """(k,) number of the run of each part."""
     form: float | None

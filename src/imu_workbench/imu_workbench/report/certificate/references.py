@@ -134,10 +134,10 @@ def _field(evidence: Evidence) -> Input | Uncounted:
 def _variation(
     evidence: Evidence, unknown: int, value: float, unit: str
 ) -> Input | Uncounted | None:
-    """Return what a field that varies in step with temperature moves an unknown by.
+    """Return the change of an unknown by a field that varies in step with temperature.
 
-    At either end by the half-width, rectangular, in each run and axis with the sign that moves
-    the unknown most. None where it does not act.
+    At either end by the half-width, rectangular, in each run and axis with the sign that moves the
+    unknown most. None where it does not act.
     """
     joint = evidence.joint
     ends = math.sqrt(2.0) * (joint.temperature - joint.temperature.mean()) / evidence.span
@@ -186,7 +186,7 @@ def _only(values: FloatArray, rows: FloatArray, axis: int) -> FloatArray:
 
 
 def _tilt(evidence: Evidence, unknown: int, value: float, unit: str) -> Input | Uncounted | None:
-    """Return what a direction of gravity that is off moves an unknown by, runs independently.
+    """Return the change of an unknown by an error of gravity's direction, runs independently.
 
     The modelled error changes with the specific force turned about each axis; rectangular.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Buttons of a part of the page that is drawn anew while people press them, and of files."""
+"""Buttons that work while their part of the page is drawn anew, and buttons that choose a file."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ PRESSED = """(event) => {
 class Buttons:
     """The buttons of one part of the page; their clicks are handled by that part.
 
-    An element that is drawn anew forgets its own handlers: a press under way at that moment would
-    be lost. The part stays, and finds what to do by the key of the button.
+    Handlers of an element are lost when it is drawn anew, and a press under way with them. The
+    part stays, and tells the action by the key of the button.
     """
 
     def __init__(self, part: ui.element) -> None:

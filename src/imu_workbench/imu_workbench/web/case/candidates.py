@@ -10,8 +10,8 @@ from typing import Any
 
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.comparison.held_out import hold_out
-from thermal_comp.comparison.improvement import LEAST_FALL
 from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.improvement import LEAST_FALL
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.result import Diagnosis, RankedEffect
 from thermal_comp.effects.effect import Effect, joined_effects

@@ -23,7 +23,7 @@ from imu_workbench.web.case.view import PHASE_LABELS
 AT_FLOOR_RATIO = 1.05
 """An error up to this ratio to the noise floor counts as explained."""
 MOST_LEFT_RATIO = 1.3
-"""What an effect leaves, over the noise floor, up to which it is said to explain an error."""
+"""Error over the noise floor that an effect may leave and still explain an error."""
 NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
 """Kinds of findings that are no missing effect of a sensor."""
 WORST_PLACES = 4
@@ -153,7 +153,7 @@ def _effect(finding: Mapping[str, Any]) -> str:
 
 
 def what_would_be_found(found: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return per effect and sensor how small it would be found, rms; {} where one is missing."""
+    """Return per effect and sensor the least rms that is found; {} where an effect is missing."""
     rows: dict[str, dict[str, str]] = {}
     if _physical(found):
         return rows

@@ -17,7 +17,7 @@ from imu_workbench.web.case.stored_bag import StoredBag
 PHASE_LABELS = PHASE_NAMES | {'precondition': 'reference', 'final': 'final'}
 """What a phase is called on the page."""
 RUN_GAP = 0.03
-"""Between two runs on the common axis, as a share of all runs together."""
+"""Gap between two runs on the common axis, as a share of all runs together."""
 
 
 @dataclass(frozen=True)

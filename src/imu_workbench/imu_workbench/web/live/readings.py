@@ -24,9 +24,9 @@ MAX_LAG_NS = 5 * SECOND_NS
 MAX_EULER_ROWS = 1000
 """Attitudes of a window converted to angles at most."""
 VERDICT_S = 600
-"""The verdict is on so many newest seconds …"""
+"""Length of the newest part that the verdict is on [s]."""
 LEAST_VERDICT_S = 60
-"""… and on no fewer than these."""
+"""Least length for a verdict [s]."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
 

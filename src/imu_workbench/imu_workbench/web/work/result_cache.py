@@ -18,9 +18,9 @@ from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.work.jobs import Job, LockWait, Stoppable
 
 READ_TOGETHER = 2
-"""Bags that are read at the same time …"""
+"""Number of bags that are read at the same time."""
 LONG_BAG_BYTES = 50_000_000
-"""… but for longer ones, one at a time: reading takes a good part of the memory."""
+"""Size of a bag from which it is read alone: reading takes a good part of the memory."""
 MAX_RESULTS = 200
 """Results kept; the one unused for longest is dropped."""
 

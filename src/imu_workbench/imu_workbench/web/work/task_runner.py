@@ -22,7 +22,7 @@ class TaskRunner:
         """Tasks that nobody waits for."""
 
     def begin(self, work: Any) -> None:
-        """Do something that nobody waits for."""
+        """Start work that nobody waits for."""
         task = asyncio.ensure_future(work)
         self.background.add(task)
         task.add_done_callback(self.background.discard)

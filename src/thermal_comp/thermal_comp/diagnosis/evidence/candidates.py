@@ -22,9 +22,9 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
 STEP_PLACES = 9
-"""Places about a likely step, at first from a block before to one after, that are tried …"""
+"""Places that are tried about a likely step, at first from a block before to one after."""
 STEP_ROUNDS = 3
-"""… in so many rounds, each between the neighbours of the best place of the one before."""
+"""Rounds of such trials, each between the neighbours of the best place of the one before."""
 STEP_DURATIONS_S = (0.0, 5.0, 15.0, 45.0, 135.0)
 """How long a step may last [s]."""
 STEP_DISTANCE_S = 1200.0

@@ -13,7 +13,7 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.columns import LEAST_NEW_POWER
 
 HALF_WAVES = 48
-"""Half waves over a run that are looked at."""
+"""Number of half waves over a run that are compared."""
 HALF_WAVE_COUNTS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
 RUNS_IN_STEP_EVIDENCE = 8.0
@@ -22,12 +22,12 @@ RUNS_IN_STEP_EVIDENCE = 8.0
 
 @dataclass(frozen=True)
 class Coherence:
-    """What speaks for a common mode; 2 ln of the Bayes factor, about −5 for noise alone."""
+    """Evidence for a common mode: 2 ln of the Bayes factor, about −5 for noise alone."""
 
     axes: float
-    """The axes share it."""
+    """That the axes share it."""
     runs: float
-    """The runs share it too, at the same time since their beginning."""
+    """That the runs share it too, at the same time since their beginning."""
 
     @property
     def evidence(self) -> float:

@@ -58,12 +58,12 @@ Searched = Mapping[Sensor, tuple[SensorHypotheses, Sequence[EffectSet]]]
 def information_of_others(
     searched: Searched, understood: Collection[Sensor]
 ) -> dict[Sensor, Information]:
-    """Return for each sensor what the others tell of the thermometer's errors.
+    """Return for each sensor the information of the others on the thermometer's errors.
 
-    Only those tell that are `understood`: an error that has no name may look like anything.
-    Every sensor is read twice: beside its likeliest set, and beside the likeliest without effects
-    of the temperature's history, which the thermometer may imitate. The combination counts that
-    is likeliest for all sensors together.
+    Only sensors that are `understood` count: an error without a name may look like anything. Every
+    sensor has two readings, beside its likeliest set and beside the likeliest without effects of
+    the temperature's history, which the thermometer may imitate. The combination of readings
+    counts that is likeliest for all sensors together.
     """
     readings = {s: _readings(*found) for s, found in searched.items() if s in understood}
     if not readings:
@@ -77,12 +77,12 @@ def information_of_others(
             if teller != sensor
         ]
         if others:
-            told[sensor] = _as_far_as_it_holds(_sum(others))
+            told[sensor] = _with_limited_precision(_sum(others))
     return told
 
 
 def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_SensorInformation]:
-    """Return the readings of one sensor."""
+    """Return the information of one sensor beside either set."""
     best = max(sets, key=lambda s: s.log_posterior)
     plain = [s for s in sets if not any(c.form.effect.kin == 'temperature' for c in s.components)]
     without = max(plain, key=lambda s: s.log_posterior)
@@ -109,7 +109,7 @@ def _sum(each: Sequence[Information]) -> Information:
 
 
 def _log_evidence(told: Information) -> float:
-    """Return ln of what integrating over the thermometer's errors adds to the evidence."""
+    """Return ln of the evidence that integrating over the thermometer's errors adds."""
     parts = []
     for seconds, probability in priors.THERMOMETER_LAGS_S:
         deviation = priors.thermometer_deviations(seconds)
@@ -120,8 +120,8 @@ def _log_evidence(told: Information) -> float:
     return log_sum(parts)
 
 
-def _as_far_as_it_holds(told: Information) -> Information:
-    """Return the information, none of it more exact than a share of the error it is about.
+def _with_limited_precision(told: Information) -> Information:
+    """Return the information with a precision limited to a share of the thermometer's errors.
 
     Six columns describe a thermometer only approximately.
     """

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,6 +20,8 @@ from thermal_comp.data.acting_channels import (
 )
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
@@ -30,9 +32,9 @@ ROOM_C = 22.0
 TURN_K = 0.5
 """Half-width of the play that tells a turn of the temperature from its noise [K]."""
 LAGS_S = (300.0, 1200.0)
-"""A channel's effect may follow it this slowly [s]."""
+"""Time constants with which an effect may follow a channel [s]."""
 SETTLING_S = (60.0, 200.0)
-"""What a channel's switching leaves behind may settle this slowly [s]."""
+"""Time constants with which an effect may settle after a channel has switched [s]."""
 
 
 CHANNEL_CURVES = ', its lags and products'
@@ -48,17 +50,19 @@ class GenericRegressor:
     name: str
     term: ColumnGroup
     unlogged: str = ''
-    """Channel whose absence it would betray; '' where it is a law of what was logged."""
+    """Unlogged channel that would cause such a dependence; '' for a law of what was logged."""
     suspect: str = ''
     """Lost channel that may have the same course by chance; '' for none."""
 
     @property
     def may_be_law(self) -> bool:
-        """Whether a law of logged variables may be it; one of history repeats with the cycle."""
+        """Whether it may be a law of logged variables; one of history repeats with the cycle."""
         return not self.unlogged or self.depends_on == 'phase'
 
 
-def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
+def generic_regressors(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
     runs = design.source.smoothed
     spans = _spans(runs)
@@ -99,7 +103,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
-    lost = lost_channels(design)
+    lost = lost_channels(design, catalogue)
     # The field of a machine stands still in the chamber: each orientation sees it turned.
     turned = design.sensor == 'magnetometer' and len(runs) > 1
     chamber = any(
@@ -121,7 +125,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
 def _regressor(
     design: CandidateDesign, depends_on: str, name: str, term: ColumnGroup, lost: Sequence[str]
 ) -> GenericRegressor:
-    """Return a regressor with the lost channel it would betray, or that may look like it."""
+    """Return a regressor with the lost channel that would cause it, or may look like it."""
     betrayed = _channel_behind(design, depends_on, lost)
     suspect = '' if betrayed else _possible_channel(design, depends_on, lost)
     return GenericRegressor(depends_on, name, term, betrayed, suspect)
@@ -135,30 +139,34 @@ SMOOTH_CURVES = (
     'curve over time',
     'curve over temperature that changes with time',
 )
-"""Regressors that together follow anything smooth of temperature, rate and time."""
+"""Regressors that together follow any smooth function of temperature, rate and time."""
 
 
 def all_variables(design: CandidateDesign, regressors: Sequence[GenericRegressor]) -> ColumnGroup:
-    """Return a smooth function of temperature and branch, rate, time and what channels say."""
+    """Return a smooth function of temperature and branch, rate, time and the logged channels."""
     parts = [r for r in regressors if r.name in SMOOTH_CURVES or r.name.endswith(CHANNEL_CURVES)]
     together = ColumnGroup(tuple(c for part in parts for c in part.term.columns))
     design.equations(together.columns)  # the products of one part with another, too
     return together
 
 
-def lost_channels(design: CandidateDesign) -> list[str]:
-    """Return the channels that can act on the sensor and that no run has logged."""
+def lost_channels(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> list[str]:
+    """Return the channels through which an effect can act on the sensor and that no run logged."""
     runs = design.source.runs
     return [
         channel.field
-        for channel in acting_on(design.sensor)
+        for channel in acting_on(design.sensor, catalogue)
         if not any(run.conditions.has(channel.field) for run in runs)
     ]
 
 
-def lost_over_time(design: CandidateDesign) -> str:
+def lost_over_time(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+) -> str:
     """Return the lost channel that may have any course over time, '' for none."""
-    return _possible_channel(design, 'time', lost_channels(design))
+    return _possible_channel(design, 'time', lost_channels(design, catalogue))
 
 
 def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:

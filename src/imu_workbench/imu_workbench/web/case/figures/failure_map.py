@@ -19,7 +19,7 @@ from imu_workbench.web.case.view import PHASE_LABELS, Place, View
 
 MIN_BLOCKS = 3
 """Blocks a cell needs at least."""
-LYING_BAR = {
+HORIZONTAL_COLOUR_BAR = {
     'orientation': 'h', 'y': 0, 'yanchor': 'top', 'ypad': 26, 'len': 0.9,
     'title': {'text': 'times the noise floor', 'side': 'top'},
 }  # fmt: skip
@@ -128,7 +128,7 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
         part['annotations'] = marks
         part['margin'] = part['margin'] | {'t': 26, 'l': 10, 'r': 6}
     spec['layout']['height'] -= 26
-    spec['narrow']['coloraxis'] = {'colorbar': FAILURE_SCALE['colorbar'] | LYING_BAR}
+    spec['narrow']['coloraxis'] = {'colorbar': FAILURE_SCALE['colorbar'] | HORIZONTAL_COLOUR_BAR}
     spec['narrow']['height'] += 34
     spec['narrow']['margin']['b'] += 34
     spec['narrow']['xaxis'] |= {'ticktext': [''] * len(found.columns)}

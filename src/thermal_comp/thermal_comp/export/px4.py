@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.model.export.cubic import ORDER, Cubic
+from thermal_comp.export.cubic import ORDER, Cubic
 from thermal_comp.model.values import ModelError
 
 LETTERS: Mapping[Sensor, str] = {'accelerometer': 'A', 'gyroscope': 'G'}

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.model.export.cubic import ORDER, Cubic
-from thermal_comp.model.export.px4 import shortest
+from thermal_comp.export.cubic import ORDER, Cubic
+from thermal_comp.export.px4 import shortest
 from thermal_comp.model.values import ModelError
 
 NAMES: Mapping[Sensor, str] = {'accelerometer': 'ACC', 'gyroscope': 'GYR'}

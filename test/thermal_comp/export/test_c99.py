@@ -19,14 +19,14 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
-from thermal_comp.model.export.c99 import c99_of
-from thermal_comp.model.export.single_precision import TOLERANCE, single_precision_shares
-from thermal_comp.model.export.vectors import example_course, recorded_course, vectors_text
+from thermal_comp.export.c99 import c99_of
+from thermal_comp.export.single_precision import TOLERANCE, single_precision_shares
+from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
 
 from imu_recording import read_bag
 
-FIRMWARE = Path(__file__).parents[4] / 'firmware'
+FIRMWARE = Path(__file__).parents[3] / 'firmware'
 DEVICE_EFFECTS = sorted(name for name, effect in EFFECTS.items() if effect.kind == 'device')
 
 

@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from thermal_comp.model.export.cubic import reduced
-from thermal_comp.model.export.px4 import px4_text, read_px4
+from thermal_comp.export.cubic import reduced
+from thermal_comp.export.px4 import px4_text, read_px4
 from thermal_comp.model.values import ModelError
 
 from .cubic_models import CUBIC, ulps

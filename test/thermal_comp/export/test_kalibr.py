@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from thermal_comp.model.export.kalibr import densities, kalibr_text
+from thermal_comp.export.kalibr import densities, kalibr_text
 from thermal_comp.model.values import NoiseModel
 
 from .cubic_models import CUBIC, NOISE

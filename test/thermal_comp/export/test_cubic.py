@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
+from thermal_comp.export.cubic import Cubic, fitted_cubic, loss, reduced
 from thermal_comp.fitting.fit import fit
-from thermal_comp.model.export.cubic import Cubic, fitted_cubic, loss, reduced
 
 from imu_recording import read_bag
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.model.export.autopilot_fit import ardupilot_fit, px4_fit
+from thermal_comp.second_opinion.autopilot_fit import ardupilot_fit, px4_fit
 
 RNG = np.random.default_rng(5)
 TIME = np.arange(3000) / 10.0

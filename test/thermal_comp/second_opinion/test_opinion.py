@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
-from thermal_comp.comparison.second_opinion import (
+from thermal_comp.export.cubic import Cubic
+from thermal_comp.model.values import ModelError
+from thermal_comp.second_opinion.opinion import (
     SecondOpinion,
     SensorOpinion,
     on_other_logs,
     second_opinion,
 )
-from thermal_comp.model.export.cubic import Cubic
-from thermal_comp.model.values import ModelError
 
 from .warm_ups import RAMP_S, RATE_HZ, warmed
 

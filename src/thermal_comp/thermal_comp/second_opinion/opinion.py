@@ -35,14 +35,14 @@ from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurva
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.thermal_hysteresis import ThermalHysteresis
 from thermal_comp.effects.thermal_lag import ThermalLag
+from thermal_comp.export.cubic import Cubic
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.inputs import usable_sensors
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.linear.gaussian_evidence import log_sum
-from thermal_comp.model.export.autopilot_fit import FITS, Autopilot, AutopilotFit
-from thermal_comp.model.export.cubic import Cubic
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import determined_noise
+from thermal_comp.second_opinion.autopilot_fit import FITS, Autopilot, AutopilotFit
 
 POWERS = (BiasTemperature(), BiasTemperatureCurvature())
 """Effects that together are a cubic."""

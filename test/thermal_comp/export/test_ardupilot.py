@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.model.export.ardupilot import ardupilot_text, read_ardupilot
-from thermal_comp.model.export.cubic import reduced
+from thermal_comp.export.ardupilot import ardupilot_text, read_ardupilot
+from thermal_comp.export.cubic import reduced
 
 from .cubic_models import CUBIC, CURVE, LINE, ulps
 

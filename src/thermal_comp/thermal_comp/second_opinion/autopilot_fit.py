@@ -14,8 +14,8 @@ from imu_recording.recording import FloatArray
 from scipy.signal import medfilt
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.model.export.ardupilot import REFERENCE_TEMPERATURE, SCALE
-from thermal_comp.model.export.cubic import ORDER, Cubic
+from thermal_comp.export.ardupilot import REFERENCE_TEMPERATURE, SCALE
+from thermal_comp.export.cubic import ORDER, Cubic
 
 Autopilot = Literal['px4', 'ardupilot']
 PX4_MEDIAN_ROWS, PX4_BINS = 31, 2000

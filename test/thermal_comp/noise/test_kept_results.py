@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_drift import BiasDrift
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.kept_results import kept
 
 from ..campaign import run
 

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A device that moves is told from one at rest, whatever defects the data have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from thermal_comp.data.motion import MovingError, motion_of, refuse_moving, resting
+
+from imu_recording import ImuRecording
+
+from ..campaign import run
+
+
+def tilted(recording: ImuRecording) -> ImuRecording:
+    """The recording of a device that is tilted to and fro."""
+    swing = np.radians(40.0) * np.sin(2 * np.pi * recording.time / 30.0)
+    force = recording.linear_acceleration.copy()
+    force[:, 0] += 9.81 * np.sin(swing)
+    force[:, 2] += 9.81 * (np.cos(swing) - 1.0)
+    return replace(recording, linear_acceleration=force, run='carried')
+
+
+def test_a_recording_that_moves_is_left_out_with_a_note() -> None:
+    still = run(cycles=1, seed=1)
+    kept, notes = resting([still, tilted(still)])
+    assert kept == [still]
+    assert len(notes) == 1
+    assert 'carried' in notes[0]
+    refuse_moving(still)
+    for refuse in (refuse_moving, lambda one: resting([one])):
+        with pytest.raises(MovingError, match='the device moves in '):
+            refuse(tilted(still))
+
+
+def test_a_device_turned_level_moves() -> None:
+    still = run(cycles=1, seed=1)
+    heading = np.radians(60.0) * np.sin(2 * np.pi * still.time / 60.0)
+    rate = np.gradient(heading, still.time)
+    field = still.magnetic_field.copy()
+    field[:, 0] = 2e-5 * np.cos(heading)
+    field[:, 1] = 2e-5 * np.sin(heading)
+    velocity = still.angular_velocity + rate[:, None] * [0.0, 0.0, 1.0]
+    turning = replace(still, magnetic_field=field, angular_velocity=velocity)
+    assert motion_of(turning).startswith('the device moves in ')
+
+
+def test_a_device_at_rest_does_not_move_whatever_its_data_suffer() -> None:
+    still = run(cycles=2, seed=1)
+    in_degrees = np.degrees(still.angular_velocity)
+    rng = np.random.default_rng(5)
+    spiky = still.linear_acceleration.copy()
+    spiky[rng.integers(0, len(still), 20)] = 30.0
+    turned_once = still.linear_acceleration.copy()
+    turned_once[len(still) // 2 :] = np.roll(turned_once[len(still) // 2 :], 1, axis=1)
+    glitches = still.linear_acceleration.copy()
+    glitches[rng.random(len(still)) < 0.08] += 15.0
+    switched = still.magnetic_field + 2e-5 * (still.time[:, None] % 40.0 < 12.0)
+    for values in (
+        {'magnetic_field': switched},
+        {'linear_acceleration': glitches},
+        {'angular_velocity': in_degrees},
+        {'linear_acceleration': still.linear_acceleration / 9.81},
+        {'linear_acceleration': spiky},
+        {'linear_acceleration': turned_once},
+        {'magnetic_field': np.full((len(still), 3), np.nan)},
+    ):
+        assert motion_of(replace(still, **values)) == '', list(values)
