@@ -41,7 +41,8 @@ LONGEST_WAIT_S = 300
 """… and one that waits for something is stopped."""
 LARGEST_BYTES = 2 << 30
 LARGEST_ADDRESS_SPACE = 8 << 30
-"""Beyond it a process is stopped [bytes]; libraries reserve more than they use."""
+"""What a verb may take beside what it inherits; beyond the second, a process is stopped [bytes]:
+libraries reserve more than they use."""
 
 VERBS: dict[str, tuple[str, ...]] = {
     'fit': ('fit', '{bags}', '-o', '{out}.yaml'),
@@ -99,14 +100,15 @@ class Cell:
 def run_cell(name: str, verb: str, argv: Sequence[str], folder: Path, output: Path) -> Cell:
     """Run a verb in a process of its own and judge what it did."""
     out, err = folder / 'stdout', folder / 'stderr'
+    reserved, resident = _memory()
     child = os.fork()
     if not child:
-        _run_and_exit(argv, out, err)
+        _run_and_exit(argv, out, err, reserved + LARGEST_ADDRESS_SPACE)
     _, status, usage = os.wait4(child, 0)
     seconds = usage.ru_utime + usage.ru_stime
     code = os.waitstatus_to_exitcode(status)
     said, told = (path.read_text('utf-8', errors='replace') for path in (out, err))
-    size = usage.ru_maxrss * 1024
+    size = max(usage.ru_maxrss * 1024 - resident, 0)
     complaint = _complaint(code, said, told) or _wrong_output(verb, code, output)
     if seconds > LONGEST_S or size > LARGEST_BYTES:
         complaint = complaint or f'{seconds:.0f} s, {size >> 20} MB'
@@ -114,9 +116,16 @@ def run_cell(name: str, verb: str, argv: Sequence[str], folder: Path, output: Pa
     return Cell(name, verb, code, seconds, size / 1e6, complaint, first[0][:160] if first else '')
 
 
-def _run_and_exit(argv: Sequence[str], out: Path, err: Path) -> NoReturn:
-    """Be the process that runs the verb."""
-    resource.setrlimit(resource.RLIMIT_AS, (LARGEST_ADDRESS_SPACE, LARGEST_ADDRESS_SPACE))
+def _memory() -> tuple[int, int]:
+    """Return the address space and the resident memory of this process, which a child inherits."""
+    pages = Path('/proc/self/statm').read_text('ascii').split()[:2]
+    reserved, resident = (int(count) * resource.getpagesize() for count in pages)
+    return reserved, resident
+
+
+def _run_and_exit(argv: Sequence[str], out: Path, err: Path, largest: int) -> NoReturn:
+    """Be the process that runs the verb, with `largest` bytes of address space."""
+    resource.setrlimit(resource.RLIMIT_AS, (largest, largest))
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S + 1, LONGEST_S + 1))
     signal.alarm(LONGEST_WAIT_S)
     code = 1

@@ -25,8 +25,6 @@ LONGEST_PAUSE_S = 5.0
 """Longest pause that always counts as sampled time [s]: serial lines pause for seconds."""
 MOST_SLOTS = 100_000
 """Largest number of places of blocks in a run, those in gaps included."""
-LEAST_HELD_OUT_PARTS = 3
-"""Parts of all runs together that a test of the held-out error needs."""
 LEAST_PARTS, MOST_PARTS = 5, 12
 """Least and greatest number of contiguous parts of a run without cycles, which are held out one at
 a time. More parts tell more surely whether a term lowers the error."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from scipy.special import stdtrit
 
-from thermal_comp.data.blocks import LEAST_HELD_OUT_PARTS
-
+LEAST_HELD_OUT_PARTS = 3
+"""Parts of all runs together that a test of the held-out error needs."""
 LARGEST_CHANCE = 0.01
 """Probability that a fall of the error on held-out parts is called one by chance."""
 LEAST_FALL = 0.05
@@ -21,6 +20,8 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     Mean squares are (k,) or (k, axes); `noise` (axes,) is what noise alone leaves, and smaller
     ones count as so much. Student's t of ln(before / after) over the parts, and the rms over all.
     """
+    from scipy.special import stdtrit  # takes a tenth of a second, which nodes need not wait
+
     if len(before) < LEAST_HELD_OUT_PARTS:
         return False
     before, after = _in_floors(before, noise), _in_floors(after, noise)

@@ -14,8 +14,9 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.data.blocks import LEAST_HELD_OUT_PARTS, contiguous_parts
+from thermal_comp.data.blocks import contiguous_parts
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import LEAST_HELD_OUT_PARTS
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect, columns_from
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
