@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis import sensor_search
 from thermal_comp.diagnosis.coupled_effects import coupled_support, with_effect
-from thermal_comp.diagnosis.sensor_answer import SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import UNNAMED, SensorAnswer
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -48,6 +49,27 @@ def test_others_that_know_it_by_another_name_do_not_speak_for_it(
     answers: list[SensorAnswer],
 ) -> None:
     assert coupled_support(FixtureTilt(), answers) < 1.0
+
+
+def test_a_sensor_whose_error_has_no_name_does_not_speak_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def probability(support: float) -> float:
+        monkeypatch.setattr(sensor_search, 'coupled_support', lambda *_: support)
+        time = chamber()[0]
+        tilted = np.multiply.outer(chamber()[1] - 20.0, [3e-5, -2e-5, 1e-5])
+        switched = np.multiply.outer(np.sign(np.sin(time / 900.0)), [1e-6, -2e-6, 1e-6])
+        runs = prepare([
+            run(up, seed=k, error={'linear_acceleration': tilted, 'magnetic_field': switched})
+            for k, up in enumerate(UP)
+        ])  # fmt: skip
+        base = {sensor: (BiasTemperature(),) for sensor in SENSORS}
+        settings = Settings({'fixture_tilt': EFFECTS['fixture_tilt']})
+        found = search_sensors(runs, base, determined_noise(runs, base)[0], settings)
+        assert found['magnetometer'].kind in UNNAMED
+        return found['accelerometer'].probability_of('fixture_tilt')
+
+    assert probability(4.0) == pytest.approx(probability(0.0), abs=1e-9)
 
 
 def test_it_is_looked_for_beside_what_the_first_sensor_lacks(answers: list[SensorAnswer]) -> None:

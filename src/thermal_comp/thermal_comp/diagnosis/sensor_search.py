@@ -164,11 +164,10 @@ class SensorSearches:
         ):
             return {}
         first, *others = asked
-        alone = found[first].probability_of(effect.name)
-        if alone < 0.5 and any(found[s].kind in UNNAMED for s in others):
-            # What has no name in another sensor is no sign of an effect this one hardly feels.
-            return {}
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
+        if any(found[s].kind in UNNAMED for s in others):
+            # What has no name in another sensor is no sign of an effect that this one feels.
+            support = min(support, 0.0)
         sets = [s for s in found[first].sets if effect.name not in s.names]
         if support > -np.inf:
             # It speaks for the effect itself, not for what looks like it in the first sensor.

@@ -60,6 +60,16 @@ def test_what_stands_already_adds_nothing_and_what_lacks_has_its_size() -> None:
     assert gain_of(answer.hypotheses.conditioned(lag.components), term, flat)[0] < 1.0
 
 
+def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
+    answer = lagging_gyroscope()
+    lag = next(s for s in answer.sets if s.names == ('thermal_lag',))
+    (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
+    nothing, size = answer.hypotheses.conditioned(()), float(np.sqrt(lag.explained))
+    free = gain_of(nothing, term, flat, beside=True)[0]
+    assert gain_of(nothing, term, flat, beside=True, largest=2.0 * size)[0] == pytest.approx(free)
+    assert gain_of(nothing, term, flat, beside=True, largest=0.3 * size)[0] < 0.8 * free
+
+
 def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:
     known = -np.arange(len(priors.AMPLITUDES), dtype=float)
     between = float(np.sqrt(priors.AMPLITUDES[3] * priors.AMPLITUDES[4]))

@@ -79,8 +79,10 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     It is as large as a share of what the equations of effects and thermometer explain (Kennedy
     and O'Hagan, Bayesian Calibration of Computer Models, 2001).
     """
-    size = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
-    return gain_of(state, hypotheses.discrepancy, size, beside=True)[0]
+    explained = explained_by_equations(hypotheses, some)
+    size = priors.flaw_log_prior(explained)
+    largest = priors.LARGEST_FLAW * explained
+    return gain_of(state, hypotheses.discrepancy, size, beside=True, largest=largest)[0]
 
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -124,11 +126,16 @@ def _flaw(
     follows = {r.depends_on for r in hypotheses.regressors} - {'phase'}
     allowed = (follows if some.components else HISTORY) - left_out
     variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
-    single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
+    largest = priors.LARGEST_FLAW * explained
+    single = gains_together(
+        hypotheses, some, one.state, variables, log_prior, beside=True, largest=largest
+    )
     if history := _explained_by_history(some):
         phases = [r.term for r in hypotheses.regressors if r.depends_on == 'phase']
         share = priors.flaw_log_prior(history)
-        single += [gain_of(one.state, term, share, beside=True)[0] for term in phases]
+        single += [
+            gain_of(one.state, term, share, beside=True, largest=largest)[0] for term in phases
+        ]
     if some.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
@@ -181,13 +188,14 @@ def gains_together(
     amplitude: FloatArray,
     *,
     beside: bool = False,
+    largest: float = np.inf,
     known: tuple[CoefficientPrior, ...] = (),
 ) -> list[float]:
     """Return ln of the evidence each flexible function adds; the best with others beside it.
 
     What acts rarely follows one variable alone: another may stand beside the best, and so on.
     """
-    each = [gain_of(state, term, amplitude, beside=beside) for term in terms]
+    each = [gain_of(state, term, amplitude, beside=beside, largest=largest) for term in terms]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains)) if gains else 0
     if (
@@ -203,7 +211,14 @@ def gains_together(
         after = hypotheses.conditioned(some.components, with_best)
         others = [term for term in terms if term is not terms[place]]
         further = gains_together(
-            hypotheses, some, after, others, amplitude, beside=beside, known=with_best
+            hypotheses,
+            some,
+            after,
+            others,
+            amplitude,
+            beside=beside,
+            largest=largest,
+            known=with_best,
         )
         more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
@@ -211,16 +226,23 @@ def gains_together(
 
 
 def gain_of(
-    state: ConditionedDesign, term: ColumnGroup, amplitude: FloatArray, *, beside: bool = False
+    state: ConditionedDesign,
+    term: ColumnGroup,
+    amplitude: FloatArray,
+    *,
+    beside: bool = False,
+    largest: float = np.inf,
 ) -> tuple[float, float]:
     """Return ln of the evidence a flexible function adds and its best amplitude.
 
     `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
+    One that explains more than `largest` [√Δχ²] does not count.
     """
-    evidence, _ = state.evidences(
+    evidence, explained = state.evidences(
         np.array([term.columns]), np.exp(_DENSE), shared=term.shared, beside=beside
     )
     log_prior = np.interp(_DENSEST, _COARSE, amplitude) - 2.0 * np.log(STEPS_BETWEEN_AMPLITUDES)
+    log_prior[np.interp(_DENSEST, _DENSE, explained[0]) > largest**2] = -1e300
     weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
     return log_sum(weighted), float(np.exp(_DENSEST[int(np.argmax(weighted))]))
 

@@ -293,11 +293,14 @@ def _own_variables(some: EffectSet) -> set[str]:
 
 
 def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozenset[str]:
-    """Return what one effect more in another set follows and those here do not."""
+    """Return what one further effect of another set follows and those here do not.
+
+    Others of its effects are here as well.
+    """
     return frozenset(
         variable
         for other in others
-        if len(other.names) == len(some.names) + 1 and set(other.names) >= set(some.names)
+        if len(set(other.names) - set(some.names)) == 1
         for variable in _own_variables(other) - _own_variables(some)
     )
 

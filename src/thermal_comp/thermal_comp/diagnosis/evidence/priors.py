@@ -63,6 +63,8 @@ FORM_APPROXIMATE = 0.5
 FORM_SHARE, FORM_SHARE_LN = 0.06, 1.2
 """Median and standard deviation of ln of the amplitude of what equations lack, as a share of all
 they explain: laws of this kind are right to some per cent, seldom to a fifth."""
+LARGEST_FLAW = 0.5
+"""Share beyond which it is no flaw: what is mostly something else has another cause."""
 LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.03, 0.8
 """The same where it looks like another effect: what is a tenth or more is that effect."""
 
