@@ -69,8 +69,17 @@ def acting_on(sensor: Sensor, catalogue: Mapping[str, type[Effect]]) -> tuple[Ac
     return tuple(c for c in ACTING_CHANNELS if needed.intersection((c.field, *c.through)))
 
 
-def topics_to_log(catalogue: Mapping[str, type[Effect]]) -> dict[str, str]:
-    """Return the topic of each channel whose absence an answer may name, by its label."""
-    air = {name: TRACK_OF_FIELD[name].topic for name in THERMAL_CHANNELS[:1]}
+def topics_to_log(variable: str | None, catalogue: Mapping[str, type[Effect]]) -> list[str]:
+    """Return the topics to log where a variable was missing, 'chamber' for both machines of one.
+
+    Of a variable that is no channel they are those of all channels through which effects act.
+    """
+    topics = {name: TRACK_OF_FIELD[name].topic for name in THERMAL_CHANNELS[:1]}
+    topics |= {channel.label: channel.topic for channel in ACTING_CHANNELS}
+    if variable in topics:
+        return [topics[variable]]
+    if variable == 'chamber':
+        return [topics[machine] for machine in MACHINES]
     acting = {channel for sensor in SENSORS for channel in acting_on(sensor, catalogue)}
-    return air | {c.label: c.topic for c in ACTING_CHANNELS if c in acting}
+    idle = {channel.label for channel in ACTING_CHANNELS if channel not in acting}
+    return [topic for label, topic in topics.items() if label not in idle]

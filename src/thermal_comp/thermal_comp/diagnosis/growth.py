@@ -154,11 +154,11 @@ def add_effect(
     absent = missing_channels(settings.catalogue[name], runs)
     if absent:
         raise ModelError(f'{name} needs {", ".join(absent)}, which was not logged in every run')
-    noise = _noise(runs, model)
+    noise = _noise_of(runs, model)
     listed = _base(runs, model)
-    chosen = _placed(runs, listed, noise, name, settings, sensors)
-    growth = _grown(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
-    return _judged(growth, runs, noise) if judged else growth
+    chosen = _forms_by_sensor(runs, listed, noise, name, settings, sensors)
+    growth = _with_effects(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
+    return _with_checks(growth, runs, noise) if judged else growth
 
 
 def grow(
@@ -176,7 +176,7 @@ def grow(
     the held-out error by more than chance: effects whose cause is undecided, then the empirical
     term; not with `named_only`.
     """
-    noise = weights = _noise(runs, model)
+    noise = weights = _noise_of(runs, model)
     steps: list[Step] = []
     first: Comparison | None = None
     current, growth = model, None
@@ -186,17 +186,17 @@ def grow(
         diagnosis = diagnose_prepared(runs, current, settings)
         if len(steps) == MOST_STEPS:
             break
-        added = _named(current, runs, noise, settings, diagnosis, left_out, report)
+        added = _with_named_effect(current, runs, noise, settings, diagnosis, left_out, report)
         if added is None:
             break
         growth = added
         first = first or growth.before
         steps += growth.steps
         current, weights = growth.model, noise
-        noise = _noise(runs, current)
+        noise = _noise_of(runs, current)
     if not named_only:
         report('looking for what repeats without a name …')
-        further = _predictive(current, runs, settings, diagnosis)
+        further = _with_predictive_terms(current, runs, settings, diagnosis)
         if further is not None:
             growth, first = further, first or further.before
             steps += further.steps
@@ -216,11 +216,11 @@ def grow(
             worse=worse,
             diagnosis=diagnosis,
         )
-    growth = _judged(growth, runs, weights)
+    growth = _with_checks(growth, runs, weights)
     return replace(growth, before=first, steps=tuple(steps), diagnosis=diagnosis)
 
 
-def _named(
+def _with_named_effect(
     model: ThermalModel | None,
     runs: Sequence[PreparedRun],
     noise: Mapping[Sensor, NoiseModel],
@@ -240,9 +240,9 @@ def _named(
         report(f'adding {found.name} …')
         sensors = [s for s in noise if s in found.sensor.split('+')]
         listed = _base(runs, model)
-        chosen = _placed(runs, listed, noise, found.name, settings, sensors)
+        chosen = _forms_by_sensor(runs, listed, noise, found.name, settings, sensors)
         placed = {s: (effect,) for s, effect in chosen.items()}
-        grown = _grown(model, runs, noise, listed, placed, found.ambiguous_with)
+        grown = _with_effects(model, runs, noise, listed, placed, found.ambiguous_with)
         if not held_out_error_rises(grown, list(placed)):
             return grown
         report(f'{key} raises the held-out error: left out')
@@ -257,7 +257,7 @@ def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
     return any(axis.any() for axis in axes) or all(raised(*pair) for pair in pairs)
 
 
-def _predictive(
+def _with_predictive_terms(
     model: ThermalModel | None,
     runs: Sequence[PreparedRun],
     settings: Settings,
@@ -267,7 +267,7 @@ def _predictive(
 
     What the diagnosis thinks possible is tried beside what forward selection finds.
     """
-    listed, noise = _base(runs, model), _noise(runs, model)
+    listed, noise = _base(runs, model), _noise_of(runs, model)
     tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
     chosen = {}
     offered = {name for name, effect in settings.catalogue.items() if not effect.coupled}
@@ -294,10 +294,10 @@ def _predictive(
     added = {s: effects for s, effects in added.items() if effects}
     if not added:
         return None
-    grown = _grown(model, runs, noise, listed, added, empirical=True)
+    grown = _with_effects(model, runs, noise, listed, added, empirical=True)
     kept = {s: effects for s, effects in added.items() if not held_out_error_rises(grown, [s])}
     if len(kept) < len(added):  # refitted together they do not keep what they promised
-        return _grown(model, runs, noise, listed, kept, empirical=True) if kept else None
+        return _with_effects(model, runs, noise, listed, kept, empirical=True) if kept else None
     return grown
 
 
@@ -305,7 +305,7 @@ def _shared_or_empirical(effect: Effect) -> bool:
     return effect.coupled or not effect.names_cause
 
 
-def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
+def _noise_of(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
     return determined_noise(runs, _base(runs, model))[0]
 
 
@@ -313,7 +313,7 @@ def _base(runs: Sequence[PreparedRun], model: ThermalModel | None) -> Listed:
     return {sensor: base_effects(model, sensor) for sensor in usable_sensors(runs)[0]}
 
 
-def _placed(
+def _forms_by_sensor(
     runs: Sequence[PreparedRun],
     listed: Listed,
     noise: Mapping[Sensor, NoiseModel],
@@ -346,7 +346,7 @@ def _placed(
     return {s: forms[s] for s in chosen}
 
 
-def _grown(
+def _with_effects(
     model: ThermalModel | None,
     runs: Sequence[PreparedRun],
     noise: Mapping[Sensor, NoiseModel],
@@ -366,7 +366,7 @@ def _grown(
     before = compare_prepared(plain, runs, noise=noise)
     names = {s: ' + '.join(effect.name for effect in effects) for s, effects in chosen.items()}
     if empirical:
-        grown = replace(grown, provenance=_labelled(grown.provenance, names))
+        grown = replace(grown, provenance=_with_note(grown.provenance, names))
     groups = [(s,) for s in chosen] if empirical else [tuple(chosen)]
     steps = tuple(
         _step(before.sensors[g[0]], after.sensors[g[0]], names[g[0]], g, ambiguous_with, empirical)
@@ -377,7 +377,7 @@ def _grown(
     )
 
 
-def _judged(
+def _with_checks(
     growth: Growth, runs: Sequence[PreparedRun], noise: Mapping[Sensor, NoiseModel]
 ) -> Growth:
     """Return a growth with what its last step made unneeded, and where it is worse.
@@ -393,7 +393,7 @@ def _judged(
     )
 
 
-def _labelled(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
+def _with_note(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
     """Return the provenance with a note on what was added without a cause."""
     notes = (
         f'{s}: {added} lowers the held-out error; cause undecided' for s, added in names.items()

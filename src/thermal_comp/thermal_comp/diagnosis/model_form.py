@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from itertools import pairwise, product
 
 import numpy as np
@@ -32,7 +32,6 @@ from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component
 from thermal_comp.diagnosis.evidence.flaws import gain_of
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.diagnosis.evidence.nuisances import Response
 from thermal_comp.diagnosis.evidence.set_fit import scaled
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
@@ -154,7 +153,7 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
     shaped = [effect for effect in part.effects if _form_limits(effect)]
     beside = [effect for effect in part.effects if not _form_limits(effect)]
     design = CandidateDesign(source, sensor, part.noise, beside)
-    hypotheses = SensorHypotheses(design, {}, _temperature_response(part, sensor))
+    hypotheses = SensorHypotheses(design, {}, partial(_temperature_response, part, sensor))
     components = [
         Component(form_of(design, effect, None), float(priors.AMPLITUDES[0]), 1)
         for effect in shaped
@@ -175,20 +174,18 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
     return replace(part, shape_std=total, shape_form_std=form)
 
 
-def _temperature_response(part: SensorModel, sensor: Sensor) -> Response:
-    """Return what small errors of the temperature do to all that the model says of a sensor."""
-
-    def response(run: PreparedRun, errors: FloatArray) -> FloatArray:
-        conditions = run.conditions.of(sensor)
-        here, _ = part.modelled_error(conditions)
-        changes = []
-        for error in errors.T:
-            small = SMALL_ERROR_K / max(float(np.abs(error).max()), SMALL_ERROR_K)
-            warmer = replace(conditions, temperature=conditions.temperature + small * error)
-            changes.append((part.modelled_error(warmer)[0] - here) / small)
-        return run.block_mean(np.stack(changes, axis=2))
-
-    return response
+def _temperature_response(
+    part: SensorModel, sensor: Sensor, run: PreparedRun, errors: FloatArray
+) -> FloatArray:
+    """Return (m, 3, q) what small errors (n, q) of the temperature do to all a model says."""
+    conditions = run.conditions.of(sensor)
+    here, _ = part.modelled_error(conditions)
+    changes = []
+    for error in errors.T:
+        small = SMALL_ERROR_K / max(float(np.abs(error).max()), SMALL_ERROR_K)
+        warmer = replace(conditions, temperature=conditions.temperature + small * error)
+        changes.append((part.modelled_error(warmer)[0] - here) / small)
+    return run.block_mean(np.stack(changes, axis=2))
 
 
 def _coordinates(

@@ -27,8 +27,6 @@ VERDICTS = {
     'data_quality': 'the data have defects; they were left out of what follows',
 }
 """Verdicts in words."""
-TOPICS = topics_to_log(EFFECTS)
-"""Topic to log, by the channel that is missing."""
 DEFECTS = {
     'saturation': 'choose a wider full scale or remove the magnet',
     'stuck_value': 'check bus and driver',
@@ -279,8 +277,7 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
             return [add, f'or separate them first: next-experiment {name} {rivals[0]}']
         return [add]
     if kind == 'unlogged':
-        every = ', '.join(TOPICS.values())
-        return [f'log {TOPICS.get(variable, every)} and record again']
+        return [f'log {", ".join(topics_to_log(variable, EFFECTS))} and record again']
     if kind == 'unexplained':
         return [f'look at the residual over {variable}: python -m imu_workbench compare BAG…']
     if kind == 'noise':

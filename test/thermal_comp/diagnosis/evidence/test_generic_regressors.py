@@ -50,7 +50,7 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     runs = prepare([run(seed=1, cycles=3, period=20.0)])
     noise = fit_noise(runs, 'gyroscope')
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
-    asked = {r.depends_on for r in generic_regressors(design) if not r.unlogged}
+    asked = {r.depends_on for r in generic_regressors(design, EFFECTS) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
 
 
@@ -64,9 +64,17 @@ def test_a_lost_channel_of_a_user_s_effect_is_suspected_on_its_sensor() -> None:
     for sensor in ('gyroscope', 'accelerometer'):
         noise = fit_noise(runs, sensor)
         design = CandidateDesign(ColumnSource(runs), sensor, noise, [BiasTemperature()])
-        known = lost_channels(design)
+        known = lost_channels(design, EFFECTS)
         lost[sensor] = set(lost_channels(design, {**EFFECTS, 'barometric': Barometric})) - {*known}
     assert lost == {'gyroscope': {'pressure'}, 'accelerometer': set()}
+    bare = run(seed=1, cycles=3, period=20.0)
+    still = np.zeros(len(bare.stamp))
+    every = dict.fromkeys(('heater', 'compressor', 'supply_voltage', 'humidity'), still)
+    [logged] = prepare([replace(bare, **every, vibration=np.zeros((len(still), 3)))])
+    noise = fit_noise([logged], 'gyroscope')
+    design = CandidateDesign(ColumnSource([logged]), 'gyroscope', noise, [BiasTemperature()])
+    assert SensorHypotheses(design, {}).lost_over_time == ''
+    assert SensorHypotheses(design, {'barometric': Barometric}).lost_over_time == 'pressure'
 
 
 @pytest.mark.parametrize('channel', ['pressure', 'fan'])

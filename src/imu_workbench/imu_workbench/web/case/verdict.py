@@ -8,13 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from thermal_comp.data.acting_channels import topics_to_log
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT
-from thermal_comp.presentation.diagnosis import (
-    DEFECTS,
-    TOPICS,
-    doubtful_sensors,
-    percent,
-)
+from thermal_comp.presentation.diagnosis import DEFECTS, doubtful_sensors, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.case.version import parameter_text
@@ -212,9 +209,8 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
         return Action('certificate')
     first = findings[0]
     if first['kind'] == 'unlogged':
-        topic = TOPICS.get(first['depends_on'], '')
-        what = topic or ', '.join(TOPICS.values())
-        return Action('log', f'Log {what} and record again.')
+        topics = ', '.join(topics_to_log(first['depends_on'], EFFECTS))
+        return Action('log', f'Log {topics} and record again.')
     if first['kind'] == 'changed':
         return Action('look', 'Fit the device anew: begin a case with a line per axis.')
     if first['kind'] != 'effect':

@@ -80,9 +80,14 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     and O'Hagan, Bayesian Calibration of Computer Models, 2001).
     """
     explained = explained_by_equations(hypotheses, some)
-    size = priors.flaw_log_prior(explained)
-    largest = priors.LARGEST_FLAW * explained
+    size, largest = priors.flaw_log_prior(explained), _largest_flaw(some, explained)
     return gain_of(state, hypotheses.discrepancy, size, beside=True, largest=largest)[0]
+
+
+def _largest_flaw(some: EffectSet, explained: float) -> float:
+    """Return √Δχ² that a flaw explains at most; a line that comes and goes is half of itself."""
+    lines = any(c.form.effect.line_frequency is not None for c in some.components)
+    return np.inf if lines else priors.LARGEST_FLAW * explained
 
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -126,7 +131,7 @@ def _flaw(
     follows = {r.depends_on for r in hypotheses.regressors} - {'phase'}
     allowed = (follows if some.components else HISTORY) - left_out
     variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
-    largest = priors.LARGEST_FLAW * explained
+    largest = _largest_flaw(some, explained)
     single = gains_together(
         hypotheses, some, one.state, variables, log_prior, beside=True, largest=largest
     )

@@ -20,7 +20,6 @@ from thermal_comp.data.acting_channels import (
 )
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
-from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -61,7 +60,7 @@ class GenericRegressor:
 
 
 def generic_regressors(
-    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]]
 ) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
     runs = design.source.smoothed
@@ -150,9 +149,7 @@ def all_variables(design: CandidateDesign, regressors: Sequence[GenericRegressor
     return together
 
 
-def lost_channels(
-    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
-) -> list[str]:
+def lost_channels(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[str]:
     """Return the channels through which an effect can act on the sensor and that no run logged."""
     runs = design.source.runs
     return [
@@ -162,9 +159,7 @@ def lost_channels(
     ]
 
 
-def lost_over_time(
-    design: CandidateDesign, catalogue: Mapping[str, type[Effect]] = EFFECTS
-) -> str:
+def lost_over_time(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> str:
     """Return the lost channel that may have any course over time, '' for none."""
     return _possible_channel(design, 'time', lost_channels(design, catalogue))
 

@@ -23,6 +23,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import (
@@ -63,7 +64,9 @@ class SensorHypotheses:
         """Flexible functions of one variable each; none before `allow_unnamed`."""
         self.discrepancy = ColumnGroup(())
         """A smooth function of all that was logged, for what equations lack; likewise."""
-        self.lost_over_time = lost_over_time(design)
+        self._acting = {**EFFECTS, **catalogue}
+        """Effects whose channels act on sensors, offered or not."""
+        self.lost_over_time = lost_over_time(design, self._acting)
         """Lost channel that may have any course over time; '' where none is."""
         self.unseen: dict[Names, dict[str, float]] = {}
         """Set → effect more → odds of it against none, where it would be too small to be seen."""
@@ -75,7 +78,7 @@ class SensorHypotheses:
     def allow_unnamed(self) -> None:
         """Compute the columns of explanations without a named effect: regressors, discrepancy."""
         if not self.regressors:
-            self.regressors = generic_regressors(self.design)
+            self.regressors = generic_regressors(self.design, self._acting)
             self.discrepancy = all_variables(self.design, self.regressors)
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import TypeAlias
 
@@ -15,6 +17,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
+from thermal_comp.linear.columns import LEAST_NEW_LENGTH
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
 Response: TypeAlias = Callable[[PreparedRun, FloatArray], FloatArray]
@@ -34,7 +37,7 @@ def nuisance_priors(
     design: CandidateDesign, thermometer: ColumnGroup
 ) -> list[tuple[float, list[CoefficientPrior]]]:
     """Return what is allowed for beside any hypothesis, in alternatives with ln probabilities."""
-    slow = design.generic_terms([(lambda run: _slow_directions(design, run), True)])[0]
+    slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
     for (excess, noisy), (seconds, slack) in product(priors.SLOW_NOISE, priors.THERMOMETER_LAGS_S):
@@ -75,21 +78,21 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
     reads, its transients after power-on; by priors.thermometer_deviations(). `response` says
     what an error does; None: it is multiplied with the slope at this temperature.
     """
-    response = response or _by_slopes(design)
-
-    def columns(run: PreparedRun) -> FloatArray:
-        conditions = run.conditions
-        since = conditions.time - conditions.time[0]
-        decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-        errors = [_history(run), _hysteresis_and_air(conditions), np.stack(decays, axis=1)]
-        return response(run, np.concatenate(errors, axis=1))
-
+    response = response or TemperatureSlope.of(design).response
+    columns = partial(_responses, response)
     return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
 
 
-def _by_slopes(design: CandidateDesign) -> Response:
-    slopes = _slopes(design)
-    return lambda run, errors: run.block_mean(errors)[:, None, :] * slopes(run)[:, :, None]
+def _responses(response: Response, run: PreparedRun) -> FloatArray:
+    return response(run, _possible_errors(run))
+
+
+def _possible_errors(run: PreparedRun) -> FloatArray:
+    """(n, q) errors of the thermometer in a run, one of each kind."""
+    since = run.conditions.time - run.conditions.time[0]
+    decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
+    parts = [_history(run), _hysteresis_and_air(run.conditions), np.stack(decays, axis=1)]
+    return np.concatenate(parts, axis=1)
 
 
 def _history(run: PreparedRun) -> FloatArray:
@@ -127,17 +130,53 @@ def _die_in(air: FloatArray, conditions: Conditions) -> FloatArray:
     return dies[int(np.argmax(likeness))]
 
 
-def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
-    """Return the (m, 3) slope over temperature of a run along the design's axes [unit/K].
+@dataclass(frozen=True, eq=False)
+class TemperatureSlope:
+    """Slope over temperature of each run along a design's axes.
 
     It is the derivative of a cubic through all runs, each with its own level and line, beside
-    the temperature's history, which a lag would else bend into it; both are as large as the
-    priors of bends and of the thermometer's lag allow (ridge regression).
+    the temperature's history, which a lag would else bend into it.
+    """
+
+    low: float
+    """Lowest temperature [°C] …"""
+    span: float
+    """… and the range above it [K]."""
+    lines: Mapping[str, FloatArray]
+    """(3,) slope of each run at the lowest temperature, by name [unit]."""
+    square: FloatArray
+    """(3,) over the range [unit]."""
+    cube: FloatArray
+    """(3,) over the range [unit]."""
+
+    @classmethod
+    def of(cls, design: CandidateDesign) -> TemperatureSlope:
+        """Return the slopes of the runs of a design."""
+        runs = design.source.smoothed
+        low = min(float(run.temperature.min()) for run in runs)
+        span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
+        cubic = _cubic(design, low, span)
+        lines = {run.name: line for run, line in zip(runs, cubic[1:-2:2], strict=True)}
+        return cls(low, span, lines, cubic[-2], cubic[-1])
+
+    def at(self, run: PreparedRun) -> FloatArray:
+        """Return the (m, 3) slope over a run [unit/K]."""
+        x = ((run.temperature - self.low) / self.span)[:, None]
+        slope = self.lines[run.name] + 2.0 * self.square * x + 3.0 * self.cube * x**2
+        return np.asarray(slope / self.span)
+
+    def response(self, run: PreparedRun, errors: FloatArray) -> FloatArray:
+        """Return (m, 3, q) what errors (n, q) of the temperature [K] do to the block means."""
+        return run.block_mean(errors)[:, None, :] * self.at(run)[:, :, None]
+
+
+def _cubic(design: CandidateDesign, low: float, span: float) -> FloatArray:
+    """Return the coefficients (2 r + 2, 3): level and slope of each of r runs, square and cube.
+
+    They are those of a ridge regression, as large as the priors of bends and of the thermometer's
+    lag allow.
     """
     runs = design.source.smoothed
-    names = [run.name for run in runs]
-    low = min(float(run.temperature.min()) for run in runs)
-    span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
     rows, values = [], []
     for number, (run, valid) in enumerate(zip(runs, design.valid, strict=True)):
         x = (run.temperature[valid] - low) / span
@@ -148,7 +187,7 @@ def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
         values.append(run.measured[design.sensor][valid])
     stacked, measured = np.concatenate(rows), np.concatenate(values) @ design.axes
     width = 2 * len(runs)
-    plain = np.linalg.lstsq(stacked[:, :width], measured, rcond=1e-9)[0]
+    plain = np.linalg.lstsq(stacked[:, :width], measured, rcond=LEAST_NEW_LENGTH)[0]
     history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
     allowed = np.full(stacked.shape[1], np.inf)
     allowed[width : width + 2] = priors.SLOPE_BEND * span
@@ -163,13 +202,7 @@ def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
         ridge = np.concatenate([stacked, penalty])
         size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
         target = np.append(measured[:, axis], np.zeros(len(penalty)))
-        coefficients[:, axis] = np.linalg.lstsq(ridge / size, target, rcond=1e-9)[0] / size
-    line, (square, cube) = coefficients[1:width:2], coefficients[width : width + 2]
-
-    def slope(run: PreparedRun) -> FloatArray:
-        x = ((run.temperature - low) / span)[:, None]
-        return np.asarray(
-            (line[names.index(run.name)] + 2.0 * square * x + 3.0 * cube * x**2) / span
+        coefficients[:, axis] = (
+            np.linalg.lstsq(ridge / size, target, rcond=LEAST_NEW_LENGTH)[0] / size
         )
-
-    return slope
+    return coefficients[: width + 2]

@@ -70,8 +70,8 @@ class Explanation:
 
 
 @dataclass(frozen=True)
-class _Beside:
-    """What acts beside a set: its kind, what it follows and ln of prior times evidence."""
+class _Remainder:
+    """What may act beside the effects of a set: a flaw, a law without a name, a lost channel."""
 
     kind: str
     depends_on: str | None
@@ -83,7 +83,7 @@ class _Beside:
     """Whether all that is known is that runs share a course over time."""
 
 
-def _fitted(
+def _fitted_set(
     hypotheses: SensorHypotheses, some: EffectSet, close: Sequence[EffectSet], *, courses: bool
 ) -> FittedSet:
     state = hypotheses.conditioned(some.components)
@@ -101,35 +101,35 @@ def explanations(
     """
     hypotheses.allow_unnamed()
     best = max(sets, key=lambda s: s.log_posterior)
-    leader = _fitted(hypotheses, best, (), courses=True)
-    close = _close(leader, sets)[:MOST_SETS]
+    leader = _fitted_set(hypotheses, best, (), courses=True)
+    close = _likely_with_flaw(leader, sets)[:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
-    close += [s for s in sets if s not in close and _is_part(s, [best, *close])]
+    close += [s for s in sets if s not in close and _is_part_of_any(s, [best, *close])]
     fitted = [
         replace(leader, variables_of_larger=_variables_of_larger(best, close))
         if some is best
-        else _fitted(hypotheses, some, close, courses=not some.components)
+        else _fitted_set(hypotheses, some, close, courses=not some.components)
         for some in close
     ]
-    weighed: list[tuple[EffectSet, list[_Beside]]] = [
-        (s, [_Beside('', None, exact_weight(hypotheses, s))]) for s in sets if s not in close
+    weighed: list[tuple[EffectSet, list[_Remainder]]] = [
+        (s, [_Remainder('', None, exact_weight(hypotheses, s))]) for s in sets if s not in close
     ]
     lacking = flaws(hypotheses, fitted)
     weighed += [
-        (one.set, _beside(hypotheses, one, flaw))
+        (one.set, _remainders(hypotheses, one, flaw))
         for one, flaw in zip(fitted, lacking, strict=True)
     ]
     twins = _as_twins(hypotheses, weighed)
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
-    weighed = [(some, _unlogged(some, rest)) for some, rest in weighed]
+    weighed = [(some, _as_unlogged(some, rest)) for some, rest in weighed]
     named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found = _with_unseen(named, hypotheses.unseen)
     found += _unnamed(weighed, total)
     return sorted(found, key=lambda e: -e.probability), total
 
 
-def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
+def _likely_with_flaw(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
     """Return the sets that may be the likeliest once their equations have a flaw.
 
     A flaw of an equation takes up a smooth course, so that a set that explains less may be as
@@ -138,24 +138,26 @@ def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
     reach = MOST_LOG_ODDS_BEHIND + max(best.free_flaw, 0.0)
     known = {s.names: s.log_posterior for s in sets}
 
-    def less_than_a_part(some: EffectSet) -> bool:
-        parts = combinations(some.names, len(some.names) - 1) if some.names else ()
-        return any(known.get(part, -np.inf) >= some.log_posterior for part in parts)
-
     behind = [(s, best.set.log_posterior - s.log_posterior) for s in sets]
     return [
         s
         for s, by in behind
-        if by < MOST_LOG_ODDS_BEHIND or (by < reach and not less_than_a_part(s))
+        if by < MOST_LOG_ODDS_BEHIND or (by < reach and not _less_likely_than_part(s, known))
     ]
 
 
-def _is_part(some: EffectSet, others: Sequence[EffectSet]) -> bool:
+def _less_likely_than_part(some: EffectSet, known: Mapping[Names, float]) -> bool:
+    """Tell whether a set is less likely than one without one of its effects."""
+    parts = combinations(some.names, len(some.names) - 1) if some.names else ()
+    return any(known.get(part, -np.inf) >= some.log_posterior for part in parts)
+
+
+def _is_part_of_any(some: EffectSet, others: Sequence[EffectSet]) -> bool:
     """Tell whether all effects of a set are in one of the others."""
     return any(set(some.names) <= set(other.names) for other in others)
 
 
-def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
+def _as_unlogged(some: EffectSet, rest: list[_Remainder]) -> list[_Remainder]:
     """Return what acts beside a set; of a guessed channel its own weight counts as `unlogged`."""
     if not some.guessed:
         return rest
@@ -163,26 +165,26 @@ def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
     lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
     return [
         *(b for b in rest if b.kind not in own),
-        *_with_effects_of_lost_channel(lost, _beside_lost(some)),
+        *_with_effects_of_lost_channel(lost, _effects_beside_lost_channel(some)),
     ]
 
 
-def _without(some: EffectSet, name: str = '') -> Names:
+def _names_without(some: EffectSet, name: str = '') -> Names:
     """Return the effects of a set without those of one name, or of a channel that is guessed."""
     own = (c for c in some.components if not c.form.effect.guessed_channel)
     return tuple(sorted(c.name for c in own if c.name != name))
 
 
-def _beside_lost(some: EffectSet) -> Names:
+def _effects_beside_lost_channel(some: EffectSet) -> Names:
     """Return the effects of a set other than steps and lines, which a lost channel would make."""
     effects = [c.form.effect for c in some.components]
     switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
-    return tuple(name for name in _without(some) if name not in switched)
+    return tuple(name for name in _names_without(some) if name not in switched)
 
 
 def _as_twins(
-    hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[_Beside]]]
-) -> list[list[_Beside]]:
+    hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[_Remainder]]]
+) -> list[list[_Remainder]]:
     """Return by set the weights it gains from sets with a twin of one of its effects.
 
     The twin stands in place of the effect or beside it. A rate and a gradient differ by where a
@@ -190,7 +192,7 @@ def _as_twins(
     the other by no more than that does not decide between them.
     """
     named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
-    found: list[list[_Beside]] = []
+    found: list[list[_Remainder]] = []
     for some, _ in weighed:
         found.append([])
         for component in some.components:
@@ -208,7 +210,7 @@ def _as_twins(
     return found
 
 
-def _named(some: EffectSet, rest: Sequence[_Beside], total: float) -> Explanation:
+def _named(some: EffectSet, rest: Sequence[_Remainder], total: float) -> Explanation:
     """Return the explanation by the effects of a set, with and without a flaw of their form."""
     exact, flawed = (
         sum(float(np.exp(some.log_posterior + b.log_weight - total)) for b in rest if b.kind == k)
@@ -249,10 +251,10 @@ def _with_unseen(
 
 
 def _unnamed(
-    weighed: Sequence[tuple[EffectSet, Sequence[_Beside]]], total: float
+    weighed: Sequence[tuple[EffectSet, Sequence[_Remainder]]], total: float
 ) -> list[Explanation]:
     """Return the explanations by something that has no name here, alone or beside effects."""
-    parts: dict[Names, list[tuple[float, EffectSet, _Beside]]] = {
+    parts: dict[Names, list[tuple[float, EffectSet, _Remainder]]] = {
         (NOT_IN_CATALOGUE,): [],
         (UNLOGGED,): [],
     }
@@ -264,7 +266,9 @@ def _unnamed(
     return [_explanation(names, some) for names, some in parts.items()]
 
 
-def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]) -> Explanation:
+def _explanation(
+    names: Names, parts: Sequence[tuple[float, EffectSet, _Remainder]]
+) -> Explanation:
     """Return the explanation by something unknown, summed over the sets it stands beside."""
     if not parts:
         return Explanation(names=names, probability=0.0, approximate=False, components=())
@@ -305,37 +309,39 @@ def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozen
     )
 
 
-def _beside(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[_Beside]:
+def _remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[_Remainder]:
     """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
     some, state = one.set, one.state
-    found = [_Beside('', None, exact_weight(hypotheses, some))]
+    found = [_Remainder('', None, exact_weight(hypotheses, some))]
     if may_be_flawed(hypotheses, some):
-        found.append(_Beside('flaw', None, flaw))
+        found.append(_Remainder('flaw', None, flaw))
     strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
-    gains = _gains(hypotheses, some, state, amplitude)
+    gains = _log_gains(hypotheses, some, state, amplitude)
     measured = [r for r in hypotheses.regressors if r.depends_on in _own_variables(some)]
     if measured:
         own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
         each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
-        found.append(_Beside('flaw', None, log_sum(each) + share))
+        found.append(_Remainder('flaw', None, log_sum(each) + share))
     gains = [
         (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
     ]
     course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
-    found += _unknown(hypotheses, some, gains, course)
-    found += _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
-    return found + _of_any_cause(some, weight)
+    found += _unnamed_causes(hypotheses, some, gains, course)
+    found += _common_cause_of_steps(hypotheses, some, weight) + _unseen_twins(
+        hypotheses, some, weight
+    )
+    return found + _other_causes(some, weight)
 
 
-def _unknown(
+def _unnamed_causes(
     hypotheses: SensorHypotheses,
     some: EffectSet,
     gains: Sequence[tuple[GenericRegressor, float]],
     course: float,
-) -> list[_Beside]:
+) -> list[_Remainder]:
     """Return what speaks for a law that is not in the catalogue, and for a lost channel.
 
     A lost channel betrays itself by the trace it leaves in others. What follows time may be
@@ -345,11 +351,11 @@ def _unknown(
     if not some.components:
         once /= priors.NOTHING
     lost = hypotheses.lost_over_time
-    laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
-    laws += [_Beside(NOT_IN_CATALOGUE, 'time', course, course=True)]
-    traces = [_Beside(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
-    either = [_Beside(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
-    either += [_Beside(UNLOGGED, lost, course, course=True)] if lost else []
+    laws = [_Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
+    laws += [_Remainder(NOT_IN_CATALOGUE, 'time', course, course=True)]
+    traces = [_Remainder(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
+    either = [_Remainder(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
+    either += [_Remainder(UNLOGGED, lost, course, course=True)] if lost else []
     found = []
     for beside, prior, ways in (
         (laws, priors.NOT_IN_CATALOGUE, len(laws)),
@@ -358,10 +364,10 @@ def _unknown(
     ):
         share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    return _with_effects_of_lost_channel(found, _beside_lost(some))
+    return _with_effects_of_lost_channel(found, _effects_beside_lost_channel(some))
 
 
-def _with_effects_of_lost_channel(found: Sequence[_Beside], known: Names) -> list[_Beside]:
+def _with_effects_of_lost_channel(found: Sequence[_Remainder], known: Names) -> list[_Remainder]:
     """Return what may act: beside a lost channel its effects are the known ones, or a part."""
     if not known:
         return [*found]
@@ -375,7 +381,9 @@ def _with_effects_of_lost_channel(found: Sequence[_Beside], known: Names) -> lis
     ]
 
 
-def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+def _common_cause_of_steps(
+    hypotheses: SensorHypotheses, some: EffectSet, weight: float
+) -> list[_Remainder]:
     """Return what speaks for one cause of the several steps of a set; `weight`: the set's.
 
     A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
@@ -384,17 +392,19 @@ def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> l
     name, steps = max(Counter(some.names).items(), key=lambda pair: pair[1], default=('', 0))
     if steps < 2:
         return []
-    known = _without(some, name)
+    known = _names_without(some, name)
     size = len(some.names)
     once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
     jumps = priors.NOT_IN_CATALOGUE * priors.JUMPS_BY_ITSELF
-    found = [_Beside(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
+    found = [_Remainder(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
     if lost := hypotheses.lost_over_time:
-        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED)), known))
+        found.append(_Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED)), known))
     return found
 
 
-def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+def _unseen_twins(
+    hypotheses: SensorHypotheses, some: EffectSet, weight: float
+) -> list[_Remainder]:
     """Return what speaks for effects whose channel was not logged in place of those of a set.
 
     What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
@@ -402,28 +412,28 @@ def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) 
     share = weight + float(np.log(priors.UNSEEN_TWIN))
     lost = hypotheses.without_channel
     return [
-        _Beside(UNLOGGED, lost[twin], share, _without(some, c.name))
+        _Remainder(UNLOGGED, lost[twin], share, _names_without(some, c.name))
         for c in some.components
         if (twin := c.form.effect.twin) in lost
     ]
 
 
-def _of_any_cause(some: EffectSet, weight: float) -> list[_Beside]:
+def _other_causes(some: EffectSet, weight: float) -> list[_Remainder]:
     """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
     share = weight + float(np.log(priors.ANY_CAUSE))
     effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
     return [
-        _Beside(
+        _Remainder(
             NOT_IN_CATALOGUE,
             'time' if e.line_frequency is None else 'frequency',
             share,
-            _without(some, e.name),
+            _names_without(some, e.name),
         )
         for e in effects
     ]
 
 
-def _gains(
+def _log_gains(
     hypotheses: SensorHypotheses,
     some: EffectSet,
     state: ConditionedDesign,
