@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects import EFFECTS
 
-OWN_TESTS = Path(__file__).resolve().parents[1] / 'thermal_comp' / 'effects'
 T0, T1 = 30.0, 10.0
 """Die temperature of two samples a hundred seconds apart [°C]; the reference is 20 °C."""
 FORCE = (2.0, -3.0, 9.0)
@@ -91,8 +89,3 @@ def test_columns_are_those_of_the_equation(name: str) -> None:
     sensor, shape, expected = CASES[name]
     columns = EFFECTS[name](**shape).columns(conditions(sensor))[0]
     np.testing.assert_allclose(columns[1], expected, rtol=1e-9, atol=1e-12)
-
-
-def test_every_effect_has_its_equation_tested() -> None:
-    own = {path.stem.removeprefix('test_') for path in OWN_TESTS.glob('test_*.py')}
-    assert set(EFFECTS) - own == set(CASES) - own

@@ -98,9 +98,9 @@ def test_no_module_imports_in_a_circle() -> None:
     TopologicalSorter(graph).prepare()  # raises CycleError with the circle
 
 
-STILL_MUTUAL = {('data', 'effects'), ('data', 'linear'), ('linear', 'noise')}
+STILL_MUTUAL = {('data', 'effects'), ('data', 'linear')}
 """Packages of thermal_comp that import each other: conditions are data, which operators filter and
-columns describe; part sums weigh blocks by the noise of vibration."""
+columns describe."""
 
 
 def test_packages_of_thermal_comp_import_one_way() -> None:

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,7 @@ FLAGS = {
 """Bit → name and meaning."""
 
 
+@lru_cache(maxsize=256)
 def flag_names(flags: int) -> tuple[str, ...]:
     """Return the names of the bits that are set."""
     return tuple(name for bit, (name, _) in FLAGS.items() if flags & bit)

@@ -16,6 +16,7 @@ from std_msgs.msg import String
 
 from imu_recording.bags.metadata import Qos, qos_profile
 from imu_recording.free_space import free_bytes
+from imu_recording.logging_contract import IMU
 from imu_recording.recorder.plan import (
     INTERNAL,
     MEGABYTE,
@@ -34,7 +35,6 @@ from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
 from imu_recording.ros.topic_node import DIAGNOSTICS, latched_qos
 
-IMU = 'sensor_msgs/msg/Imu'
 DISCOVERY_PERIOD_S = 0.5
 FLUSH_PERIOD_S = 1.0
 LOW_DISK_BYTES = 1 << 30

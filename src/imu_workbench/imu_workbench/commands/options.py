@@ -17,6 +17,7 @@ from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
 
 from imu_workbench.answer import CHECK_FAILED, show_progress
+from imu_workbench.bag_devices import read_devices
 
 if TYPE_CHECKING:
     from thermal_comp.diagnosis.noise_level import NoiseReference
@@ -235,26 +236,6 @@ def stream_recordings(
                 refuse_moving(taken)
             yield taken
     show_progress(then)
-
-
-def read_devices(
-    path: Path,
-    namespace: str | None,
-    remap: Mapping[str, str] | None,
-    *,
-    every_device: bool = False,
-) -> list[ImuRecording]:
-    """Read one bag: the device in `namespace`, its only device, or every device."""
-    from imu_recording import bag_namespaces, read_bag
-
-    chosen = namespace is not None or bool((remap or {}).get('imu/data_raw'))
-    namespaces = [] if chosen else bag_namespaces(path)
-    if len(namespaces) <= 1:
-        return [read_bag(path, namespace=namespace, remap=remap)]
-    if not every_device:
-        names = ', '.join(namespaces)
-        raise UserError(f'{path} holds several devices: {names}; choose one with --namespace')
-    return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
 
 
 def save_unless_worse(

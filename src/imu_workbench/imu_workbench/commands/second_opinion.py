@@ -31,8 +31,9 @@ from thermal_comp.second_opinion.opinion import (
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import Answer, show_progress
+from imu_workbench.bag_devices import read_devices
 from imu_workbench.commands.compare import claim_picture
-from imu_workbench.commands.options import add_accept_argument, read_devices
+from imu_workbench.commands.options import add_accept_argument
 
 HELP = 'Judge the curves that PX4 or ArduPilot would fit to a warm-up log: good, or not, and why.'
 EPILOG = (

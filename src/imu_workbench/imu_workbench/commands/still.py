@@ -25,12 +25,12 @@ from thermal_comp.still.rest import LEAST_REST_S
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
+from imu_workbench.bag_devices import read_devices
 from imu_workbench.commands.compare import claim_picture
 from imu_workbench.commands.options import (
     add_accept_argument,
     add_output_argument,
     add_topic_arguments,
-    read_devices,
     save_unless_worse,
     topic_remap,
 )

@@ -20,7 +20,7 @@ from imu_driver.simulation.hidden import HIDEABLE
 from imu_driver.simulation.run import DeviceRun
 from imu_driver.simulation.thermal import DIE
 from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions
-from thermal_comp.effects.effect import COUNT, Effect
+from thermal_comp.effects.effect import COUNT_UNIT, Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 
 DISTANCE_FROM_BOUNDS = 0.1
@@ -57,7 +57,7 @@ def _drawn(effect: type[Effect], generator: np.random.Generator) -> Effect:
     """Return the effect at a shape within its bounds."""
     shape = {}
     for item in fields(effect):
-        if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
+        if item.metadata['unit'] == COUNT_UNIT or isinstance(item.default, tuple):
             continue
         low, high = item.metadata['bounds']
         share = generator.uniform(DISTANCE_FROM_BOUNDS, 1.0 - DISTANCE_FROM_BOUNDS)

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from imu_recording.bags.files import SUFFIXES
 from imu_recording.user_error import UserError
 
-SUFFIXES = ('.mcap', '.db3', '.bag')
-"""Storage files of a bag."""
 MAX_SEARCH_DEPTH = 4
 """Folders below the root that are searched."""
 

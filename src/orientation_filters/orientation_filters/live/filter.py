@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable
-from functools import lru_cache
 from math import isfinite, nan
 from typing import Any, NamedTuple
 
@@ -26,6 +25,7 @@ from orientation_filters.result import (
     NOT_STARTED,
     REINITIALISED,
     SIX_AXIS,
+    flag_names,
 )
 from orientation_filters.rotation.arrays import IDENTITY, rotate, to_matrix
 from orientation_filters.rotation.scalars import euler_zyx
@@ -54,12 +54,6 @@ class LiveEstimate(NamedTuple):
         return euler_zyx(self.orientation)
 
 
-@lru_cache(maxsize=256)
-def names_of(flags: int) -> tuple[str, ...]:
-    """Return the names of the flags that are set."""
-    return tuple(name for bit, (name, _) in FLAGS.items() if flags & bit)
-
-
 class SampleStatistics:
     """Counts of flags, recent flags, and intervals between samples."""
 
@@ -73,7 +67,7 @@ class SampleStatistics:
         """Count a sample and its flags."""
         self._recent.append(flags)
         self.counts['samples'] += 1
-        for name in names_of(flags):
+        for name in flag_names(flags):
             self.counts[name] += 1
         if flags & DROPPED:
             return

@@ -48,7 +48,7 @@ def restore_state(compensator: Compensator, path: str | os.PathLike[str]) -> str
             if sensor in document['histories']
         }
         origin, newest = int(document['origin']), int(document['newest'])
-        vibration = VibrationState(*_tuples(document['vibration']))
+        vibration = VibrationState._make(_tuples(document['vibration']))
     except (ValueError, KeyError, TypeError, OSError) as error:
         return f'{target} cannot be read: {error}'
     if newest < 0:

@@ -18,6 +18,8 @@ from imu_recording.recording import (
 )
 from numpy.typing import NDArray
 
+from thermal_comp.linear.columns import LEAST_NEW_LENGTH
+
 Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
 SENSORS: tuple[Sensor, ...] = get_args(Sensor)
 INERTIAL_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
@@ -225,7 +227,7 @@ def hard_iron_of(runs: Sequence[Conditions]) -> FloatArray | None:
     target = np.concatenate([run.magnetic_field[0] for run in runs])
     if not np.isfinite(target).all():
         return None
-    answer, _, rank, _ = np.linalg.lstsq(design, target, rcond=1e-6)
+    answer, _, rank, _ = np.linalg.lstsq(design, target, rcond=LEAST_NEW_LENGTH)
     misfit = float(np.sqrt(np.mean((target - design @ answer) ** 2)))
     field = float(np.linalg.norm(answer[:3]))
     told = rank >= design.shape[1] - 1 and field > LEAST_FIELD_T

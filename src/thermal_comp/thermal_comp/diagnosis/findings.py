@@ -16,8 +16,8 @@ from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED
-from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, probability
-from thermal_comp.diagnosis.evidence.priors import NOTHING
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY, probability
+from thermal_comp.diagnosis.evidence.priors import NOTHING_PROBABILITY
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     REPORTED_EVIDENCE,
@@ -108,12 +108,12 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
         for rival in set(other.names) - kept - {NOT_IN_CATALOGUE, UNLOGGED}:
             rivals[rival] = rivals.get(rival, 0.0) + other.probability
     own = answer.probability_of(name)
-    alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE)}
+    alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE_PROBABILITY)}
     for effect in answer.offered:
         if effect.name in alike and effect.twin in answer.untried:
-            rivals[effect.twin] = priors.UNSEEN_TWIN * own
+            rivals[effect.twin] = priors.UNSEEN_TWIN_ODDS * own
     ranked = sorted(rivals.items(), key=lambda pair: -pair[1])
-    return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE]
+    return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE_PROBABILITY]
 
 
 def _sentence(name: str, label: str, rivals: Sequence[str], form: str) -> str:
@@ -278,7 +278,7 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
                     answer.explanations,
                     lambda e, n=name: n in e.names and e.unseen != n,  # type: ignore[misc]
                 ),
-                one.log_posterior - log(NOTHING),
+                one.log_posterior - log(NOTHING_PROBABILITY),
             )
             for name, one in alone.items()
         ]

@@ -22,7 +22,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.diagnosis.evidence.priors import NOTHING
+from thermal_comp.diagnosis.evidence.priors import NOTHING_PROBABILITY
 from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
@@ -337,7 +337,7 @@ def _forms_by_sensor(
             scored[sensor] = best_single(hypotheses, hypotheses.families[0])
     if not scored:
         raise ModelError(f'{name} leaves no trace in these runs that could be fitted')
-    strong = [s for s, r in scored.items() if r.log_posterior > np.log(NOTHING)]
+    strong = [s for s, r in scored.items() if r.log_posterior > np.log(NOTHING_PROBABILITY)]
     best = max(scored, key=lambda s: scored[s].log_posterior)
     forms = {s: r.components[0].form.effect for s, r in scored.items()}
     if effect.coupled:

@@ -316,9 +316,9 @@ def _alternatives(
     flaws = [((*whole, hypotheses.discrepancy), 1)]
     flaws += [((*gain, term), len(singles)) for gain, term in singles[:LIKELIEST_VARIABLES]]
     beside: list[tuple[float, tuple[CoefficientPrior, ...]]] = [
-        (float(np.log(1.0 - priors.FORM_APPROXIMATE)), ())
+        (float(np.log(1.0 - priors.FORM_APPROXIMATE_PROBABILITY)), ())
     ]
-    share = float(np.log(priors.FORM_APPROXIMATE / 3.0))
+    share = float(np.log(priors.FORM_APPROXIMATE_PROBABILITY / 3.0))
     for (gain, size, term), ways in flaws:
         columns = term.columns
         width = np.full(len(columns), size / np.sqrt(state.power(columns)))

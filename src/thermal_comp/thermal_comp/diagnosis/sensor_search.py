@@ -77,7 +77,7 @@ def search_sensors(
     found = {}
     for number, sensor in enumerate(base):
         settings.progress(
-            f'asking every effect about the {sensor}',
+            f'searching the effects of the {sensor}',
             SHARE_BEFORE + (SHARE_OF_SEARCH - SHARE_BEFORE) * number / len(base),
         )
         found[sensor] = searches.of_sensor(sensor)

@@ -8,8 +8,8 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.compressor_hard_iron import CompressorHardIron
 from thermal_comp.effects.effect import (
-    COUNT,
-    FLIP,
+    COUNT_UNIT,
+    FLIP_ACTION,
     Campaign,
     Candidate,
     Effect,
@@ -70,9 +70,9 @@ EFFECTS: dict[str, type[Effect]] = {
 """Every effect of the catalogue by name, device effects first."""
 
 __all__ = [
-    'COUNT',
+    'COUNT_UNIT',
     'EFFECTS',
-    'FLIP',
+    'FLIP_ACTION',
     'Campaign',
     'Candidate',
     'Effect',

@@ -20,9 +20,9 @@ State = Any
 """History an effect carries from one piece of a stream to the next: a tuple of plain numbers."""
 Kin = Literal['', 'temperature', 'orientation', 'time']
 """Groups of effects, by what their errors follow."""
-FLIP = 'flip: add a run with one axis pointing down'
+FLIP_ACTION = 'flip: add a run with one axis pointing down'
 """Action that separates effects that turn with the device from effects that do not."""
-COUNT = '1'
+COUNT_UNIT = '1'
 """Unit of a parameter that is a number or a choice: part of the form, not searched or fitted."""
 
 
@@ -51,7 +51,7 @@ def shape_parameter(
         'bounds': bounds,
         'searched': searched,
         'step': step,
-        'given': given or unit == COUNT,
+        'given': given or unit == COUNT_UNIT,
         'assumed': assumed,
     }
     return field(default=default, metadata=metadata)

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.effects.effect import FLIP, Effect, Kin, State
+from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 from thermal_comp.effects.operators import chamber_field
 
 
@@ -38,7 +38,7 @@ class FixtureHardIron(Effect):
     typical_size: ClassVar[str] = '0.01–0.1 µT/K'
     reference: ClassVar[str] = 'Remanence temperature coefficients of ferritic steel'
     kin: ClassVar[Kin] = 'orientation'
-    separating_action: ClassVar[str] = FLIP
+    separating_action: ClassVar[str] = FLIP_ACTION
 
     def columns(
         self, conditions: Conditions, state: State | None = None

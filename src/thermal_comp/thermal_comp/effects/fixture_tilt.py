@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.effects.effect import FLIP, Effect, Kin, State
+from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class FixtureTilt(Effect):
     typical_size: ClassVar[str] = '10–100 µrad/K: 6–60 mm/s² over 60 K'
     reference: ClassVar[str] = 'Rigid rotation of the mounting'
     kin: ClassVar[Kin] = 'orientation'
-    separating_action: ClassVar[str] = FLIP
+    separating_action: ClassVar[str] = FLIP_ACTION
 
     def columns(
         self, conditions: Conditions, state: State | None = None

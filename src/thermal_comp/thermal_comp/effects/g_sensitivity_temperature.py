@@ -10,7 +10,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import FLIP, Effect, Kin, State
+from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class GSensitivityTemperature(Effect):
     reference: ClassVar[str] = 'IEEE 528 (acceleration-sensitive drift rate); IEEE 1431'
     kin: ClassVar[Kin] = 'orientation'
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ('gyroscope',)
-    separating_action: ClassVar[str] = FLIP
+    separating_action: ClassVar[str] = FLIP_ACTION
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import FLIP, Effect, Kin, State
+from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Erring axis i and input axis j of each coefficient."""
@@ -50,7 +50,7 @@ class MisalignmentTemperature(Effect):
         'IEEE 2700 (cross-axis sensitivity); IEEE 1293 (misalignment δ_o, δ_p)'
     )
     kin: ClassVar[Kin] = 'orientation'
-    separating_action: ClassVar[str] = FLIP
+    separating_action: ClassVar[str] = FLIP_ACTION
 
     def columns(
         self, conditions: Conditions, state: State | None = None

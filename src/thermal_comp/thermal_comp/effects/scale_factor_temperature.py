@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import FLIP, Effect, Kin, State
+from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class ScaleFactorTemperature(Effect):
     reference: ClassVar[str] = 'IEEE 2700 (sensitivity temperature coefficient); IEEE 1293 (K₁)'
     kin: ClassVar[Kin] = 'orientation'
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ('accelerometer', 'magnetometer')
-    separating_action: ClassVar[str] = FLIP
+    separating_action: ClassVar[str] = FLIP_ACTION
 
     def columns(
         self, conditions: Conditions, state: State | None = None

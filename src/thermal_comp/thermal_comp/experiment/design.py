@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.user_error import did_you_mean
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.effects.effect import FLIP, Effect
+from thermal_comp.effects.effect import FLIP_ACTION, Effect
 from thermal_comp.experiment.plan import PAPER_PLAN, REFERENCE_C, Plan, Segment, predict_runs
 from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
@@ -154,7 +154,7 @@ def _actions(
     # A fourth run is more data in any orientation: turning it has to bring more than that.
     upright = separation.evidence(plan, (*UPRIGHT_AXES, '+z'))
     if separation.evidence(plan, FLIPPED_AXES) >= max(SEPARATING_EVIDENCE, 2.0 * upright):
-        actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
+        actions = [FLIP_Z, *(action for action in actions if action != FLIP_ACTION)]
     if (
         limits.max_rate < FAST_RATE_C_PER_MIN
         and separation.evidence(_faster(plan, limits)) >= SEPARATING_EVIDENCE

@@ -14,9 +14,9 @@ from thermal_comp.data.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
+from thermal_comp.fitting.part_sums import PartSums, part_sums
 from thermal_comp.linear.design import prior_precision
 from thermal_comp.linear.normal_equations import taken_out
-from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
 
 WIDTH_LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)

@@ -18,9 +18,9 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
+from thermal_comp.fitting.part_sums import PartSums, part_sums
 from thermal_comp.linear.columns import LEAST_NEW_POWER
 from thermal_comp.linear.normal_equations import taken_out
-from thermal_comp.linear.part_sums import PartSums, part_sums
 from thermal_comp.model.values import NoiseModel
 
 MOST_ADDED_EFFECTS = 3

@@ -22,8 +22,8 @@ import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
 
-LEAST_POWER = 1e-6
-"""Least that columns of unit length have left beside others: less is rounding."""
+LEAST_LEFT_POWER = 1e-6
+"""Least that columns of unit length are taken to have left beside others: it is divided by."""
 NOISE_ROWS = 10.0
 """Rows the prior of the noise level is worth: an error of its estimate by a third is usual."""
 
@@ -74,7 +74,7 @@ class ConditionedDesign:
         """Return what the squares of columns have left over the axes."""
         index = list(columns)
         left = float(np.trace(self.blocks(np.array([index]))[:, 0], axis1=1, axis2=2).sum())
-        return max(left - float((self.coupling[:, :, index] ** 2).sum()), LEAST_POWER)
+        return max(left - float((self.coupling[:, :, index] ** 2).sum()), LEAST_LEFT_POWER)
 
     def shared_equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return the equations (p, p) and (p,) of coefficients that the axes share."""
@@ -104,7 +104,7 @@ class ConditionedDesign:
         right = np.einsum('afij,afi->fja', vectors, right).reshape(values.shape)
         half = np.einsum('afij,afki->fkja', vectors, half)
         half = half.reshape(forms, half.shape[1], values.shape[1])
-        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_POWER)
+        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_LEFT_POWER)
         variance = deviations**2 / (left if beside else np.ones(forms))[:, None]
         inverse = 1.0 / (values[:, None] + 1.0 / variance[:, :, None])
         weighted = half[:, None] * inverse[:, :, None, :]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.data.improvement import rises
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import COUNT
+from thermal_comp.effects.effect import COUNT_UNIT
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.html_table import html_table
 
@@ -221,7 +221,7 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
         lines.append(f'    held-out error {before} → {after} {unit.unit}, noise floor {floor}')
     for name, value in finding['parameters'].items():
         spread = '' if value['std'] is None else f' ± {_number(value["std"])}'
-        unit = value['unit'].removeprefix(COUNT)
+        unit = value['unit'].removeprefix(COUNT_UNIT)
         width = ' (± one standard deviation)' if spread else ''
         lines.append(f'    {name} = {_number(value["value"])}{spread} {unit}'.rstrip() + width)
     if finding['rivals']:

@@ -11,7 +11,7 @@ from imu_recording.recording import SENSOR_FIELDS
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, credible, probability
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY, credible, probability
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.diagnosis.sensor_search import search_sensors
 from thermal_comp.effects import EFFECTS
@@ -46,8 +46,8 @@ def test_probabilities_sum_to_one_and_the_credible_set_is_the_smallest(sizes) ->
     assert sum(e.probability for e in found) == pytest.approx(1.0, abs=1e-9)
     assert all(e.probability >= f.probability for e, f in pairwise(found))
     kept = credible(found)
-    assert sum(e.probability for e in kept) >= CREDIBLE
-    assert sum(e.probability for e in kept[:-1]) < CREDIBLE
+    assert sum(e.probability for e in kept) >= CREDIBLE_PROBABILITY
+    assert sum(e.probability for e in kept[:-1]) < CREDIBLE_PROBABILITY
 
 
 @pytest.mark.parametrize(

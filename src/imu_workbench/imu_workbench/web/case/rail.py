@@ -11,7 +11,7 @@ from typing import Any
 
 from nicegui import ui
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import COUNT
+from thermal_comp.effects.effect import COUNT_UNIT
 from thermal_comp.presentation.diagnosis import explanation_name, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
@@ -191,7 +191,7 @@ class Rail:
             if candidate.named and beside:
                 ui.label(f'Together with {" and ".join(beside)}.').classes('note')
             for key, value in candidate.parameters.items():
-                unit = value['unit'].removeprefix(COUNT)
+                unit = value['unit'].removeprefix(COUNT_UNIT)
                 text = f'{parameter_text(value["value"], value.get("std"))} {unit}'
                 ui.label(f'{key.replace("_", " ")} {text}').classes('soft')
             lost = why_not(candidate, winner, version.error(candidate.sensor))

@@ -35,8 +35,8 @@ from thermal_comp.model.file import check_device
 from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_workbench.answer import plain
+from imu_workbench.bag_devices import read_devices
 from imu_workbench.case import file_state
-from imu_workbench.commands.options import read_devices
 from imu_workbench.web.case.candidates import candidates_of, with_errors
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text

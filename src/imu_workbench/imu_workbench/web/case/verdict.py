@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import COUNT
+from thermal_comp.effects.effect import COUNT_UNIT
 from thermal_comp.presentation.diagnosis import DEFECTS, doubtful_sensors, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
@@ -140,7 +140,7 @@ def _effect(finding: Mapping[str, Any]) -> str:
     texts = {
         key: f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
         for key, p in finding['parameters'].items()
-        if p['unit'] != COUNT
+        if p['unit'] != COUNT_UNIT
     }
     several = any(isinstance(p['value'], list) for p in finding['parameters'].values())
     if len(texts) == 1 and not several:

@@ -19,19 +19,21 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedD
 
 THERMOMETER_SEEN_CHI2 = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
-HISTORY = frozenset({'rate', 'branch', 'phase'})
+HISTORY_VARIABLES = frozenset({'rate', 'branch', 'phase'})
 """Variables that say how the temperature moved: what errors of a thermometer follow."""
 STEPS_BETWEEN_AMPLITUDES = 2
 """Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
 evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""
-_COARSE: FloatArray = np.log(priors.AMPLITUDES)
-_DENSE: FloatArray = np.linspace(
-    _COARSE[0], _COARSE[-1], STEPS_BETWEEN_AMPLITUDES * (len(_COARSE) - 1) + 1
+_LOG_SIZES: FloatArray = np.log(priors.AMPLITUDES)
+_FINE_LOG_SIZES: FloatArray = np.linspace(
+    _LOG_SIZES[0], _LOG_SIZES[-1], STEPS_BETWEEN_AMPLITUDES * (len(_LOG_SIZES) - 1) + 1
 )
-_DENSEST: FloatArray = np.linspace(
-    _COARSE[0], _COARSE[-1], STEPS_BETWEEN_AMPLITUDES**2 * (len(_COARSE) - 1) + 1
+_FINEST_LOG_SIZES: FloatArray = np.linspace(
+    _LOG_SIZES[0], _LOG_SIZES[-1], STEPS_BETWEEN_AMPLITUDES**2 * (len(_LOG_SIZES) - 1) + 1
 )
-_INTERPOLATION: FloatArray = CubicSpline(_DENSE, np.eye(len(_DENSE)))(_DENSEST)
+_INTERPOLATION: FloatArray = CubicSpline(_FINE_LOG_SIZES, np.eye(len(_FINE_LOG_SIZES)))(
+    _FINEST_LOG_SIZES
+)
 """What is smooth over ln of the amplitude, between."""
 MOST_JOINT_FUNCTIONS = 3
 """Flexible functions that are weighed beside each other."""
@@ -60,7 +62,11 @@ class FittedSet:
 
 def exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     """Return ln of the prior that the equations of a set lack nothing."""
-    return float(np.log(1.0 - priors.FORM_APPROXIMATE)) if may_be_flawed(hypotheses, some) else 0.0
+    return (
+        float(np.log(1.0 - priors.FORM_APPROXIMATE_PROBABILITY))
+        if may_be_flawed(hypotheses, some)
+        else 0.0
+    )
 
 
 def may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
@@ -87,7 +93,7 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
 def _largest_flaw(some: EffectSet, explained: float) -> float:
     """Return √Δχ² that a flaw explains at most; a line that comes and goes is half of itself."""
     lines = any(c.form.effect.line_frequency is not None for c in some.components)
-    return np.inf if lines else priors.LARGEST_FLAW * explained
+    return np.inf if lines else priors.LARGEST_FLAW_SHARE * explained
 
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -104,7 +110,7 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
     history explain: they repeat with the cycle, too), or looks like a kindred effect (a lag of two
     stages like a gradient), or by chance like another: what was fitted with that effect, right or
     flawed itself, is then this set in a flawed form. All four are equally likely. Of a thermometer
-    alone the variable is one of HISTORY.
+    alone the variable is one of HISTORY_VARIABLES.
     """
     found: dict[int, float] = {}
     for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
@@ -129,7 +135,7 @@ def _flaw(
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     left_out = {'temperature', *one.variables_of_larger}
     follows = {r.depends_on for r in hypotheses.regressors} - {'phase'}
-    allowed = (follows if some.components else HISTORY) - left_out
+    allowed = (follows if some.components else HISTORY_VARIABLES) - left_out
     variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
     largest = _largest_flaw(some, explained)
     single = gains_together(
@@ -160,7 +166,7 @@ def _flaw(
     every = len(hypotheses.families) + len(hypotheses.guesses)
     ways += [(log_sum(others), every)] if others else []
     parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
-    return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
+    return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE_PROBABILITY))
 
 
 def _more_explained(hypotheses: SensorHypotheses, larger: EffectSet, some: EffectSet) -> float:
@@ -225,7 +231,7 @@ def gains_together(
             largest=largest,
             known=with_best,
         )
-        more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT / len(others)))
+        more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT_PROBABILITY / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
     return gains
 
@@ -244,12 +250,14 @@ def gain_of(
     One that explains more than `largest` [√Δχ²] does not count.
     """
     evidence, explained = state.evidences(
-        np.array([term.columns]), np.exp(_DENSE), shared=term.shared, beside=beside
+        np.array([term.columns]), np.exp(_FINE_LOG_SIZES), shared=term.shared, beside=beside
     )
-    log_prior = np.interp(_DENSEST, _COARSE, amplitude) - 2.0 * np.log(STEPS_BETWEEN_AMPLITUDES)
-    log_prior[np.interp(_DENSEST, _DENSE, explained[0]) > largest**2] = -1e300
+    log_prior = np.interp(_FINEST_LOG_SIZES, _LOG_SIZES, amplitude) - 2.0 * np.log(
+        STEPS_BETWEEN_AMPLITUDES
+    )
+    log_prior[np.interp(_FINEST_LOG_SIZES, _FINE_LOG_SIZES, explained[0]) > largest**2] = -1e300
     weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
-    return log_sum(weighted), float(np.exp(_DENSEST[int(np.argmax(weighted))]))
+    return log_sum(weighted), float(np.exp(_FINEST_LOG_SIZES[int(np.argmax(weighted))]))
 
 
 def log_prior_at(size: float, log_prior: FloatArray) -> float:

@@ -34,7 +34,7 @@ from thermal_comp.linear.gaussian_evidence import (
     log_sum,
 )
 
-MOST_STRAIN = 20.0
+MOST_THERMOMETER_CHI2 = 20.0
 """χ² of its errors by their prior up to which a thermometer is taken to have made them: those of
 lagging ones have 6 and less, what is bent into them to follow a curvature of the sensor 40."""
 
@@ -82,7 +82,7 @@ class SensorHypotheses:
             self.discrepancy = all_variables(self.design, self.regressors)
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
-        """Take equations (p, p) and (p,) of other sensors for the thermometer's errors as rows."""
+        """Add other sensors' normal equations (p, p) and (p,) of the thermometer's errors."""
         self._told += self.design.inform(self.thermometer, normal, right)
         self._weigh_nuisances()
 
@@ -90,7 +90,7 @@ class SensorHypotheses:
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())[0]
         alone = self.joint((), likeliest[:1])[1]
-        plausible = self._strain(likeliest[0]) <= MOST_STRAIN
+        plausible = self._prior_chi2(likeliest[0]) <= MOST_THERMOMETER_CHI2
         self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
         """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
         self.explained_by_nuisances = self.joint((), likeliest)[1]
@@ -105,7 +105,7 @@ class SensorHypotheses:
         ]
         return self.nuisances[int(np.argmax(likely))][1]
 
-    def _strain(self, thermometer: CoefficientPrior) -> float:
+    def _prior_chi2(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
         normal, right = self.design.equations(thermometer.columns)
         deviation = thermometer.deviation
@@ -164,13 +164,17 @@ class SensorHypotheses:
 
     def needed_evidence(self, belief: float) -> float:
         """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""
-        odds = np.log(belief / (1.0 - belief)) + np.log(priors.NOTHING) - self.log_prior(1)
+        odds = (
+            np.log(belief / (1.0 - belief))
+            + np.log(priors.NOTHING_PROBABILITY)
+            - self.log_prior(1)
+        )
         return 2.0 * float(odds)
 
     def log_prior(self, effects: int) -> float:
         """Return ln of the prior of a set of so many effects, which are all equally likely."""
-        more = priors.ANOTHER_EFFECT
-        count = (1.0 - priors.NOTHING) * (1.0 - more) * more ** (effects - 1)
+        more = priors.ANOTHER_EFFECT_PROBABILITY
+        count = (1.0 - priors.NOTHING_PROBABILITY) * (1.0 - more) * more ** (effects - 1)
         orders = np.log(np.arange(1, effects + 1)).sum()
         families = len(self.families) + len(self.guesses)
         return float(np.log(count) + orders - effects * np.log(max(families, 1)))

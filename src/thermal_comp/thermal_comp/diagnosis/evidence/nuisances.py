@@ -29,7 +29,7 @@ With time constants from a share s of a run of length T on, slow noise has a ban
 which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
 fifths of what such noise has beyond its corner lie below twice the band: 24. The variance of slow
 noise is estimated from them alone in a single run, from all runs in several."""
-SUPPORT = 160
+COVARIANCE_INSTANTS = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
 
@@ -55,7 +55,7 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
     noise = design.noise.of_run(run.name)
     longest = max(float(some.time[-1]) for some in design.source.runs)
     slow = noise.time_constants >= longest * priors.SLOW_NOISE_SHARE
-    support = np.linspace(run.time[0], run.time[-1], min(len(run.time), SUPPORT))
+    support = np.linspace(run.time[0], run.time[-1], min(len(run.time), COVARIANCE_INSTANTS))
     apart = np.abs(support[:, None] - support)
     each = np.exp(-apart[None] / noise.time_constants[slow][:, None, None])
     count = max(DIRECTIONS, DIRECTIONS_OF_ALL // len(design.source.runs))

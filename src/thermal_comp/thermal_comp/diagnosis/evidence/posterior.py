@@ -36,7 +36,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
-CREDIBLE = 0.95
+CREDIBLE_PROBABILITY = 0.95
 """Probability that the reported set of explanations holds together."""
 MOST_LOG_ODDS_BEHIND = 9.0
 """ln of the odds against the best set beyond which no flaw makes a set likely."""
@@ -322,7 +322,7 @@ def _remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> li
     if measured:
         own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
         each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
-        share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
+        share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
         found.append(_Remainder('flaw', None, log_sum(each) + share))
     gains = [
         (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
@@ -347,9 +347,11 @@ def _unnamed_causes(
     A lost channel betrays itself by the trace it leaves in others. What follows time may be
     either, as may what follows the phase of the cycle, where a machine is likelier.
     """
-    once = priors.ANOTHER_EFFECT if some.components else 1.0 - priors.NOTHING
+    once = (
+        priors.ANOTHER_EFFECT_PROBABILITY if some.components else 1.0 - priors.NOTHING_PROBABILITY
+    )
     if not some.components:
-        once /= priors.NOTHING
+        once /= priors.NOTHING_PROBABILITY
     lost = hypotheses.lost_over_time
     laws = [_Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
     laws += [_Remainder(NOT_IN_CATALOGUE, 'time', course, course=True)]
@@ -358,9 +360,9 @@ def _unnamed_causes(
     either += [_Remainder(UNLOGGED, lost, course, course=True)] if lost else []
     found = []
     for beside, prior, ways in (
-        (laws, priors.NOT_IN_CATALOGUE, len(laws)),
-        (traces, priors.UNLOGGED, len(traces)),
-        (either, priors.UNLOGGED * priors.LOST_WITHOUT_TRACE, len(laws)),
+        (laws, priors.NOT_IN_CATALOGUE_PROBABILITY, len(laws)),
+        (traces, priors.UNLOGGED_PROBABILITY, len(traces)),
+        (either, priors.UNLOGGED_PROBABILITY * priors.WITHOUT_TRACE_PROBABILITY, len(laws)),
     ):
         share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
@@ -371,8 +373,8 @@ def _with_effects_of_lost_channel(found: Sequence[_Remainder], known: Names) -> 
     """Return what may act: beside a lost channel its effects are the known ones, or a part."""
     if not known:
         return [*found]
-    alike = float(np.log(priors.LOST_LOOKS_ALIKE))
-    others = float(np.log1p(-priors.LOST_LOOKS_ALIKE))
+    alike = float(np.log(priors.LOOKS_LIKE_LOST_PROBABILITY))
+    others = float(np.log1p(-priors.LOOKS_LIKE_LOST_PROBABILITY))
     lost = [b for b in found if b.kind == UNLOGGED]
     return [
         *(b for b in found if b.kind != UNLOGGED),
@@ -395,21 +397,23 @@ def _common_cause_of_steps(
     known = _names_without(some, name)
     size = len(some.names)
     once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
-    jumps = priors.NOT_IN_CATALOGUE * priors.JUMPS_BY_ITSELF
+    jumps = priors.NOT_IN_CATALOGUE_PROBABILITY * priors.JUMPS_BY_ITSELF_PROBABILITY
     found = [_Remainder(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
     if lost := hypotheses.lost_over_time:
-        found.append(_Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED)), known))
+        found.append(
+            _Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED_PROBABILITY)), known)
+        )
     return found
 
 
 def _unseen_twins(
     hypotheses: SensorHypotheses, some: EffectSet, weight: float
 ) -> list[_Remainder]:
-    """Return what speaks for effects whose channel was not logged in place of those of a set.
+    """Return effects whose channel was not logged, in place of those of a set they look like.
 
     What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
     """
-    share = weight + float(np.log(priors.UNSEEN_TWIN))
+    share = weight + float(np.log(priors.UNSEEN_TWIN_ODDS))
     lost = hypotheses.without_channel
     return [
         _Remainder(UNLOGGED, lost[twin], share, _names_without(some, c.name))
@@ -420,7 +424,7 @@ def _unseen_twins(
 
 def _other_causes(some: EffectSet, weight: float) -> list[_Remainder]:
     """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
-    share = weight + float(np.log(priors.ANY_CAUSE))
+    share = weight + float(np.log(priors.ANY_CAUSE_ODDS))
     effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
     return [
         _Remainder(
@@ -456,11 +460,11 @@ def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:
 
 
 def credible(found: Sequence[Explanation]) -> list[Explanation]:
-    """Return the fewest explanations that hold CREDIBLE together, most probable first."""
+    """Return the fewest explanations that are credible together, most probable first."""
     kept: list[Explanation] = []
     for one in found:
         kept.append(one)
-        if sum(e.probability for e in kept) >= CREDIBLE:
+        if sum(e.probability for e in kept) >= CREDIBLE_PROBABILITY:
             break
     return kept
 

@@ -11,35 +11,35 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.special import log_ndtr, ndtr
 
-NOTHING = 0.75
+NOTHING_PROBABILITY = 0.75
 """That a sensor's model lacks nothing: most effects are felt by one sensor of three, and in a
 campaign of four there is none."""
 
-ANOTHER_EFFECT = 0.2
+ANOTHER_EFFECT_PROBABILITY = 0.2
 """That a sensor with some effects has another one: most campaigns have a single one."""
 
-NOT_IN_CATALOGUE = 0.15
+NOT_IN_CATALOGUE_PROBABILITY = 0.15
 """That what a sensor lacks is not in the catalogue: packaged MEMS are old, boards are not."""
 
-UNLOGGED = 0.15
+UNLOGGED_PROBABILITY = 0.15
 """That it follows a variable that was not logged, where a variable is missing."""
 
-LOST_LOOKS_ALIKE = 0.5
+LOOKS_LIKE_LOST_PROBABILITY = 0.5
 """That an effect named beside such a variable is a part of what the variable does, where its
 traces, or a guess, follow it in part only: many laws look somewhat like a lag or a hysteresis."""
 
-LOST_WITHOUT_TRACE = 0.5
+WITHOUT_TRACE_PROBABILITY = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 
-JUMPS_BY_ITSELF = 0.5
+JUMPS_BY_ITSELF_PROBABILITY = 0.5
 """That what is not in the catalogue jumps between levels, where a bias does: telegraph noise of a
 contact or a trap, a part that sticks and slips."""
 
-UNSEEN_TWIN = 0.5
+UNSEEN_TWIN_ODDS = 0.5
 """Odds that an effect whose channel was not logged acts in place of the one it looks like: all
 effects are equally likely, but in half of all recordings its exact course would differ."""
 
-ANY_CAUSE = 0.25
+ANY_CAUSE_ODDS = 0.25
 """Odds that another cause acts in place of an effect whose form any cause may have: most steady
 oscillations near a sensor that is sampled slowly are the mains."""
 
@@ -57,13 +57,13 @@ AMPLITUDE_RATIO_LN = 1.5
 UNNAMED_RATIO_LN = 1.2
 """The same for what has no name beside effects that have one: small things are their flaws."""
 
-FORM_APPROXIMATE = 0.5
+FORM_APPROXIMATE_PROBABILITY = 0.5
 """That an effect's equation is only nearly right: it is a first-order law of a solid body."""
 
 FORM_SHARE, FORM_SHARE_LN = 0.06, 1.2
 """Median and standard deviation of ln of the amplitude of what equations lack, as a share of all
 they explain: laws of this kind are right to some per cent, seldom to a fifth."""
-LARGEST_FLAW = 0.5
+LARGEST_FLAW_SHARE = 0.5
 """Share beyond which it is no flaw: what is mostly something else has another cause."""
 LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.03, 0.8
 """The same where it looks like another effect: what is a tenth or more is that effect."""
@@ -72,7 +72,7 @@ SECOND_PARTS = tuple((share, ratio) for share in (0.15, 0.3) for ratio in (1.0 /
 """Share of a second part of what relaxes with one time constant, and how many times as long its
 time constants are: package, die and board are bodies of their own. All equally likely."""
 
-CHANNEL_FLAWED = 0.3
+CHANNEL_FLAWED_PROBABILITY = 0.3
 """That what an effect lacks is an error of the channel that it follows, noise or another place, or
 of the amplitude of its line, which comes and goes with its cause."""
 

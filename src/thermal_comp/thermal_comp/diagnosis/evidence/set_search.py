@@ -43,7 +43,12 @@ class Addition:
 def likeliest_sets(hypotheses: SensorHypotheses) -> list[EffectSet]:
     """Return the sets that were looked at, most probable first."""
     found: dict[Names, EffectSet] = {
-        (): EffectSet((), float(np.log(priors.NOTHING)), float(np.log(priors.NOTHING)), 0.0)
+        (): EffectSet(
+            (),
+            float(np.log(priors.NOTHING_PROBABILITY)),
+            float(np.log(priors.NOTHING_PROBABILITY)),
+            0.0,
+        )
     }
     grown = [found[()]]
     for size in range(1, MOST_EFFECTS + 1):

@@ -6,7 +6,7 @@ from thermal_comp.comparison.held_out import hold_out
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
-from thermal_comp.linear.part_sums import LONG_PARTS, part_sums
+from thermal_comp.fitting.part_sums import LONG_PARTS, part_sums
 from thermal_comp.noise.estimation import fit_noise
 
 from ..campaign import chamber, lagging, run
