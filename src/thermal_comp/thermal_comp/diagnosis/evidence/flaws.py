@@ -91,7 +91,7 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
 
 
 def _largest_flaw(some: EffectSet, explained: float) -> float:
-    """Return √Δχ² that a flaw explains at most; a line that comes and goes is half of itself."""
+    """Return √Δχ² that a function may explain as a flaw; without a bound beside a line."""
     lines = any(c.form.effect.line_frequency is not None for c in some.components)
     return np.inf if lines else priors.LARGEST_FLAW_SHARE * explained
 
@@ -102,15 +102,18 @@ def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> flo
 
 
 def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[float]:
-    """Return ln of prior times evidence of what each set's equations lack.
+    """Return ln of prior times evidence of a discrepancy of each set's equations.
 
-    It is a smooth function of all that was logged, or follows one variable (not temperature
-    alone: curves over it are what laws are told by; nor the phase of the cycle, which is what
-    machines follow that were not logged, but as a share of what effects of the temperature's
-    history explain: they repeat with the cycle, too), or looks like a kindred effect (a lag of two
-    stages like a gradient), or by chance like another: what was fitted with that effect, right or
-    flawed itself, is then this set in a flawed form. All four are equally likely. Of a thermometer
-    alone the variable is one of HISTORY_VARIABLES.
+    It has one of four forms, equally likely:
+
+    - a smooth function of all that was logged;
+    - a function of one variable: not of temperature, whose curves tell laws apart; of the phase of
+      the cycle, which unlogged machines follow, only as a share of what effects of the
+      temperature's history explain; of a thermometer alone, one of HISTORY_VARIABLES;
+    - the columns of a kindred effect, as a gradient's for a lag of two stages;
+    - the columns of any other effect.
+
+    The last two are weighed by the set that has that effect as well, with or without a flaw.
     """
     found: dict[int, float] = {}
     for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):

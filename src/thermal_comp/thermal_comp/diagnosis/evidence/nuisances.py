@@ -71,12 +71,12 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
 
 
 def thermometer_errors(design: CandidateDesign, response: Response | None = None) -> ColumnGroup:
-    """What errors of the die thermometer do to the sensor, axes alike.
+    """Return the columns of the die thermometer's errors; axes share their coefficients.
 
-    Columns: its lag and what is left of a second one, what it follows more slowly, its
-    hysteresis, that about a die that follows the air, the share of the air's temperature that it
-    reads, its transients after power-on; by priors.thermometer_deviations(). `response` says
-    what an error does; None: it is multiplied with the slope at this temperature.
+    They are its lag (first and second order), slow nodes, hysteresis of the reading and of a die
+    in the air, share of the air's temperature, transients after power-on, with the priors of
+    priors.thermometer_deviations(). `response` says what an error does; None: the slope over
+    temperature times the error.
     """
     response = response or TemperatureSlope.of(design).response
     columns = partial(_responses, response)

@@ -330,9 +330,8 @@ def _remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> li
     course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unnamed_causes(hypotheses, some, gains, course)
-    found += _common_cause_of_steps(hypotheses, some, weight) + _unseen_twins(
-        hypotheses, some, weight
-    )
+    found += _common_cause_of_steps(hypotheses, some, weight)
+    found += _unseen_twins(hypotheses, some, weight)
     return found + _other_causes(some, weight)
 
 
@@ -347,11 +346,9 @@ def _unnamed_causes(
     A lost channel betrays itself by the trace it leaves in others. What follows time may be
     either, as may what follows the phase of the cycle, where a machine is likelier.
     """
-    once = (
-        priors.ANOTHER_EFFECT_PROBABILITY if some.components else 1.0 - priors.NOTHING_PROBABILITY
-    )
+    once = priors.ANOTHER_EFFECT_PROBABILITY
     if not some.components:
-        once /= priors.NOTHING_PROBABILITY
+        once = (1.0 - priors.NOTHING_PROBABILITY) / priors.NOTHING_PROBABILITY
     lost = hypotheses.lost_over_time
     laws = [_Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
     laws += [_Remainder(NOT_IN_CATALOGUE, 'time', course, course=True)]

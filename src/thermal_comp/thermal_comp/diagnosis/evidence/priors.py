@@ -140,7 +140,7 @@ def flaw_log_prior(
 
 
 def log_odds_of_twin(share: float) -> float:
-    """Return ln of the odds that what one twin explains better is no sign against the other.
+    """Return ln of the odds that the flaws of two twins make up what one explains better.
 
     `share` is √Δχ² by which it is better over √Δχ² that is explained.
     """
