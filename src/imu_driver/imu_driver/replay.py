@@ -14,14 +14,14 @@ from typing import Final
 from urllib.parse import urlsplit
 
 import numpy as np
-from imu_recording.recording import ImuRecording
+from imu_recording.recording import SECOND_NS, ImuRecording
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 
 from imu_driver.board.sample import Sample
 from imu_driver.board.transport import url_options
 
-TEMPERATURE_INTERVAL: Final = 1_000_000_000
+TEMPERATURE_INTERVAL_NS: Final = SECOND_NS
 """[ns] between samples of a temperature that stays the same."""
 
 
@@ -55,7 +55,7 @@ def _new_temperatures(recording: ImuRecording) -> NDArray[np.bool_]:
     held, published_at = float('nan'), 0
     for row in np.flatnonzero(np.isfinite(temperature)).tolist():
         stamp = int(recording.stamp[row])
-        if temperature[row] != held or stamp - published_at >= TEMPERATURE_INTERVAL:
+        if temperature[row] != held or stamp - published_at >= TEMPERATURE_INTERVAL_NS:
             held, published_at = float(temperature[row]), stamp
             is_new[row] = True
     return is_new

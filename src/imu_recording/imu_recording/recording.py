@@ -45,6 +45,8 @@ SENSOR_FIELDS = {
 SENSOR_UNITS = {'accelerometer': 'm/s²', 'gyroscope': 'rad/s', 'magnetometer': 'T'}
 """SI unit of each sensor's field."""
 
+SECOND_NS = 1_000_000_000
+"""Nanoseconds in a second."""
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], ISO 80000-3."""
 GRAVITY_SHARE = 0.9

@@ -11,6 +11,7 @@ from typing import Any
 
 from imu_recording.bags.files import locate_bag
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros.message_cdr import message_class, numbers_of, serialise, type_of
 from imu_recording.ros.parameter import ROS_PARAMETERS
 from imu_recording.user_error import UserError, did_you_mean
@@ -27,7 +28,6 @@ NODES: dict[str, tuple[str, str]] = {
 
 LAST_AT_ONE_TIME = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
-SECOND_NS = 1_000_000_000
 
 
 class ReplayError(UserError):

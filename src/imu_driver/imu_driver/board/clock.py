@@ -14,7 +14,8 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-NANOSECOND: Final = 1_000_000_000
+from imu_recording.recording import SECOND_NS
+
 TICK_RANGE: Final = 1 << 32
 HALF_RANGE: Final = 1 << 31
 
@@ -141,7 +142,7 @@ class DeviceClock:
         advance = 0 if self._origin is None else self._advance(tick, arrival)
         if advance < 0:
             self.restart()
-        elif arrival < self._arrival - STEP_S * NANOSECOND:
+        elif arrival < self._arrival - STEP_S * SECOND_NS:
             self.steps += 1
             self._start()
             self._last_stamp = 0
@@ -153,7 +154,7 @@ class DeviceClock:
         self._tick = tick
         self._arrival = arrival
         time = self._elapsed / self.tick_rate
-        offset = (arrival - self._origin) / NANOSECOND - time
+        offset = (arrival - self._origin) / SECOND_NS - time
         self._active.add(time, offset)
         self._pending.add(time, offset)
         if time >= self._switch_at:
@@ -192,8 +193,8 @@ class DeviceClock:
                 self._update_residual(item.offset - estimate)
             stamp = (
                 item.origin
-                + item.elapsed * NANOSECOND // int(self.tick_rate)
-                + round((estimate - self.latency) * NANOSECOND)
+                + item.elapsed * SECOND_NS // int(self.tick_rate)
+                + round((estimate - self.latency) * SECOND_NS)
             )
             self._last_stamp = max(stamp, self._last_stamp + 1)
             stamps.append(self._last_stamp)
@@ -228,7 +229,7 @@ class DeviceClock:
         """Return the ticks since the last one; negative where the device restarted."""
         advance = (tick - self._tick + HALF_RANGE) % TICK_RANGE - HALF_RANGE
         # A silence longer than half a turn: the host's clock tells how many turns it was.
-        waited = (arrival - self._arrival) / NANOSECOND * self.tick_rate
+        waited = (arrival - self._arrival) / SECOND_NS * self.tick_rate
         return advance + TICK_RANGE * round(max(waited - abs(advance), 0.0) / TICK_RANGE)
 
     def _update_residual(self, delay: float) -> None:

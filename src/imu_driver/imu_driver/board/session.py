@@ -18,7 +18,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from imu_driver.board.clock import NANOSECOND, DeviceClock, Observation
+from imu_recording.recording import SECOND_NS
+
+from imu_driver.board.clock import DeviceClock, Observation
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS
 from imu_driver.board.sample import AxisMap, Sample, SampleScale
 from imu_driver.board.set_up import DeviceSetUp
@@ -205,7 +207,7 @@ class DeviceSession:
             self._discard(1)
         waited = arrival - self._held[0][1]
         is_silent = not self._identified and self.decoder.protocol == 'ascii'
-        if is_silent and waited > SILENT_BOARD_TIMEOUT * NANOSECOND:
+        if is_silent and waited > SILENT_BOARD_TIMEOUT * SECOND_NS:
             self._accept_silent_board()
 
     def _accept_silent_board(self) -> None:

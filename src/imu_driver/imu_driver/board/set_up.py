@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Final
 
-from imu_driver.board.clock import NANOSECOND
+from imu_recording.recording import SECOND_NS
+
 from imu_driver.board.lsm9ds1 import SENSORS
 from imu_driver.wire.codec import encode
 from imu_driver.wire.frames import (
@@ -23,7 +24,7 @@ ACKNOWLEDGEMENT_TIMEOUT: Final = 300_000_000
 INFORMATION_INTERVAL: Final = 500_000_000
 """[ns] between requests for information while the device is unknown."""
 MAXIMUM_TRIES: Final = 5
-RETRY_PAUSE: Final = 2 * NANOSECOND
+RETRY_PAUSE: Final = 2 * SECOND_NS
 """[ns] after an unanswered command before the set-up is tried again."""
 
 FULL_SCALE_COMMANDS: Final = dict(

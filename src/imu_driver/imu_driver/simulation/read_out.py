@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.logging_contract import CHANNEL_FIELDS
-from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from imu_recording.recording import SECOND_NS, SENSOR_FIELDS, FloatArray, ImuRecording
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import COUNT_MAX, COUNT_MIN, TEMPERATURE_SENSITIVITY
@@ -34,7 +34,7 @@ SIMULATOR = 'imu_driver.simulation'
 """What `simulated` of a recording says."""
 START_NS = 1_600_000_000_000_000_000
 """Stamp of the start of a run; runs of one campaign follow each other by a day."""
-DAY_NS = 86_400_000_000_000
+DAY_NS = 86_400 * SECOND_NS
 STARTUP_FACTOR = 0.543
 """First sample of a start-up transient relative to the settled value (Tables III–V)."""
 HELD_TRACKS = ('setpoint', 'phase', 'cycle')

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, LITTLE_ENDIAN
 from imu_recording.bags.decoding.message_types import definition_of
 from imu_recording.bags.files import Bag, locate_bag
 from imu_recording.bags.mcap.writer import McapStream
@@ -44,7 +44,7 @@ from imu_recording.logging_contract import (
     STRING,
     TRACK_OF_TOPIC,
 )
-from imu_recording.recording import BagError, FloatArray, ImuRecording
+from imu_recording.recording import SECOND_NS, BagError, FloatArray, ImuRecording
 
 if TYPE_CHECKING:
     from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
@@ -116,10 +116,10 @@ class _Compensated:
     def message(self, data: bytes, received: int) -> bytes | None:
         """Return the message with the compensated numbers; None where it has no row."""
         layout = LAYOUTS[TRACK_OF_TOPIC[self.contract_topic].message_type]
-        if data[:2] != ENCAPSULATION[:2] or len(data) < 16:
+        if data[:2] != LITTLE_ENDIAN or len(data) < 16:
             return None
         seconds, nanoseconds, length = struct.unpack_from('<iII', data, 4)
-        stamp = seconds * 1_000_000_000 + nanoseconds or received
+        stamp = seconds * SECOND_NS + nanoseconds or received
         stamps = self.recording.stamp
         row = int(np.searchsorted(stamps, stamp))
         body = layout.body(length - 1)

@@ -23,7 +23,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
-from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS, encode_messages
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, encode_messages
 from imu_recording.bags.decoding.message_types import standard_types
 from imu_recording.bags.metadata import INFINITE_DURATION
 from imu_recording.logging_contract import (
@@ -36,7 +36,14 @@ from imu_recording.logging_contract import (
     TRACKS,
     Track,
 )
-from imu_recording.recording import PHASES, BagError, FloatArray, ImuRecording, IntArray
+from imu_recording.recording import (
+    PHASES,
+    SECOND_NS,
+    BagError,
+    FloatArray,
+    ImuRecording,
+    IntArray,
+)
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 COMPRESSIONS = {
@@ -60,7 +67,7 @@ RELIABLE = Qos(
 """QoS of the nodes' publishers."""
 LATCHED = RELIABLE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 """QoS of the phase: late subscribers still get it, also from a replay."""
-END_OF_STAMPS = (1 << 31) * 1_000_000_000
+END_OF_STAMPS = (1 << 31) * SECOND_NS
 """builtin_interfaces/Time counts seconds in 31 bits [ns]."""
 ROWS_PER_STRETCH = 1 << 14
 """Rows serialised at a time, so that memory stays bounded."""
@@ -204,7 +211,7 @@ def _write_merged(writer: Writer, parts: Iterable[_Part]) -> None:
         write(connection[k], s, messages[k][i])
 
 
-REPEAT_NS = 10 * NANOSECONDS
+REPEAT_NS = 10 * SECOND_NS
 """A track that does not change is repeated at this interval [ns]."""
 RANK_OF_TOPIC = {TEMPERATURE_TOPIC: 1, IMU_TOPIC: 2, MAGNETIC_TOPIC: 3}
 """Order among equal stamps; chamber tracks come first."""

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
 
-ENCAPSULATION = b'\x00\x01\x00\x00'
+from imu_recording.bags.decoding.cdr import ENCAPSULATION
+
 _FORMATS = {
     'boolean': 'B',
     'octet': 'B',

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from imu_recording.bags.decoding.cdr import NANOSECONDS
+from imu_recording.recording import SECOND_NS
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -70,7 +70,7 @@ class VectorSample(NamedTuple):
 def stamp_of(message: Any) -> int:
     """Return the header's stamp [ns]."""
     stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
 
 
 def sample_from_imu(message: Any) -> ImuSample:
@@ -201,7 +201,7 @@ def fill_quaternion(quaternion: Any, orientation: Sequence[float]) -> None:
 
 def fill_stamp(time: Any, stamp: int) -> None:
     """Set a builtin_interfaces/Time from nanoseconds."""
-    seconds, nanoseconds = divmod(int(stamp), NANOSECONDS)
+    seconds, nanoseconds = divmod(int(stamp), SECOND_NS)
     time.sec = seconds
     time.nanosec = nanoseconds
 

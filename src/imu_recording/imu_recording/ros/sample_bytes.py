@@ -15,6 +15,8 @@ from functools import cache, lru_cache
 from math import nan
 from typing import Any
 
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LITTLE_ENDIAN
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros import messages
 from imu_recording.ros.messages import (
     ImuSample,
@@ -29,8 +31,6 @@ _IMU = struct.Struct('<37d')
 _FIELD = struct.Struct('<12d')
 _TEMPERATURE = struct.Struct('<2d')
 _VECTOR = struct.Struct('<3d')
-LITTLE_ENDIAN = b'\x00\x01'
-_NANOSECONDS = 1_000_000_000
 
 
 def _read_header(data: bytes) -> tuple[int, str, int]:
@@ -39,7 +39,7 @@ def _read_header(data: bytes) -> tuple[int, str, int]:
         raise ValueError(f'encapsulation {data[:2].hex()} is not little-endian CDR (0001)')
     seconds, nanoseconds, length = _HEADER.unpack_from(data, 4)
     frame_id = bytes(data[16 : 15 + length]).decode('utf-8', 'replace')
-    return seconds * _NANOSECONDS + nanoseconds, frame_id, 4 + (12 + length + 7) // 8 * 8
+    return seconds * SECOND_NS + nanoseconds, frame_id, 4 + (12 + length + 7) // 8 * 8
 
 
 def stamp_from_bytes(data: bytes) -> int:
@@ -47,7 +47,7 @@ def stamp_from_bytes(data: bytes) -> int:
     if data[:2] != LITTLE_ENDIAN:
         return -1
     seconds, nanoseconds = _STAMP.unpack_from(data, 4)
-    return int(seconds) * _NANOSECONDS + int(nanoseconds)
+    return int(seconds) * SECOND_NS + int(nanoseconds)
 
 
 @lru_cache(maxsize=64)
@@ -58,7 +58,7 @@ def _frame(frame_id: str) -> bytes:
 
 
 def _header(stamp: int, frame_id: str) -> bytes:
-    return b'\0\1\0\0' + _STAMP.pack(*divmod(stamp, _NANOSECONDS)) + _frame(frame_id)
+    return ENCAPSULATION + _STAMP.pack(*divmod(stamp, SECOND_NS)) + _frame(frame_id)
 
 
 def imu_from_bytes(data: bytes) -> ImuSample:

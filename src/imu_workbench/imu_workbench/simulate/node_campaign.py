@@ -32,6 +32,7 @@ from imu_recording.logging_contract import (
 )
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.recorder.run_announcement import RUN_TOPIC
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros.message_cdr import serialise, type_of
 from imu_recording.user_error import UserError
 from rclpy.context import Context
@@ -39,7 +40,6 @@ from rclpy.logging import LoggingSeverity
 
 from imu_workbench.isolated_context import quiet_context
 
-SECOND_NS = 1_000_000_000
 FIRST_START_NS = 1_767_225_600 * SECOND_NS
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
 DAY_NS = 86_400 * SECOND_NS

@@ -6,14 +6,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from imu_recording.recording import FloatArray, ImuRecording
+from imu_recording.recording import SECOND_NS, FloatArray, ImuRecording
 from imu_recording.user_error import UserError
 from scipy.ndimage import median_filter
 
 from thermal_comp.data.binning import bin_means
 
-SECOND_NS = 1_000_000_000
-"""A second [ns]."""
 MEDIAN_WINDOW_S = 61
 """Length of the running median that means over a second are compared with [s, or samples where
 these are slower]."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros.message_cdr import serialise
 from imu_workbench.web.live.state import LiveState
-from imu_workbench.web.live.topic_history import SECOND_NS
 from sensor_msgs.msg import Imu
 
 START = 1_800_000_000 * SECOND_NS

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU, TEMPERATURE
+from imu_recording.recording import SECOND_NS
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.web.live import figures
 from imu_workbench.web.live import tables as text
 from imu_workbench.web.live.state import LiveState, NodeStatus
-from imu_workbench.web.live.topic_history import SECOND_NS
 
 START = 1_800_000_000 * SECOND_NS
 RATE = np.array([0.02, -0.01, 0.005])

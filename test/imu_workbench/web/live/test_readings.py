@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import MAGNETIC_FIELD, TEMPERATURE
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros.message_cdr import serialise
 from imu_workbench.web.live import readings as view
 from imu_workbench.web.live.state import LiveState, NodeStatus
-from imu_workbench.web.live.topic_history import SECOND_NS
 from orientation_filters.rotation.arrays import from_rotation_vector
 from std_msgs.msg import String
 

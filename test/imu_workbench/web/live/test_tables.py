@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from imu_recording.recording import SECOND_NS
 from imu_workbench.web.live import readings as view
 from imu_workbench.web.live.state import LiveState
 from imu_workbench.web.live.tables import verdict
-from imu_workbench.web.live.topic_history import SECOND_NS
 
 from .heard import GRAVITY, TRUE_RATE, Clock, imu, put, stamps
 

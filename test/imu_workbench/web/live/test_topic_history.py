@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU
-from imu_workbench.web.live.topic_history import SECOND_NS, PerSecond, Recent, Rows, decoded
+from imu_recording.recording import SECOND_NS
+from imu_workbench.web.live.topic_history import PerSecond, Recent, Rows, decoded
 
 from .heard import GRAVITY, TRUE_RATE, imu
 

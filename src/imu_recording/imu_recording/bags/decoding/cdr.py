@@ -24,11 +24,14 @@ from imu_recording.logging_contract import (
     TEMPERATURE,
     VECTOR,
 )
+from imu_recording.recording import SECOND_NS
 
 Bytes = NDArray[np.uint8]
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
-NANOSECONDS = 1_000_000_000
+"""First bytes of a message: plain CDR, little endian, without options."""
+LITTLE_ENDIAN = ENCAPSULATION[:2]
+"""What they say of the byte order; the two bytes of options may differ."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def encode_messages(
     records = np.zeros((len(stamp), layout.size(len(frame))), np.uint8)
     records[:, 1] = 1
     if layout.stamped:
-        seconds, nanoseconds = np.divmod(stamp, NANOSECONDS)
+        seconds, nanoseconds = np.divmod(stamp, SECOND_NS)
         records[:, 4:8] = _little_endian(seconds, '<i4')
         records[:, 8:12] = _little_endian(nanoseconds, '<u4')
         text = len(frame) + 1

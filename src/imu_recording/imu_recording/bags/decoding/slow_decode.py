@@ -10,9 +10,10 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 from rosbags.typesys.store import Typestore
 
-from imu_recording.bags.decoding.cdr import LAYOUTS, NANOSECONDS
+from imu_recording.bags.decoding.cdr import LAYOUTS
 from imu_recording.bags.decoding.message_types import DecodeError
 from imu_recording.logging_contract import STRING
+from imu_recording.recording import SECOND_NS
 
 Values = tuple[tuple[float, ...], ...]
 
@@ -58,7 +59,7 @@ def values_of(message: Any, message_type: str) -> tuple[int | None, Values, str]
     if not LAYOUTS[message_type].stamped:
         return None, values, ''
     stamp = message.header.stamp
-    return stamp.sec * NANOSECONDS + stamp.nanosec, values, message.header.frame_id
+    return stamp.sec * SECOND_NS + stamp.nanosec, values, message.header.frame_id
 
 
 def _vector(vector: Any, covariance: Any = (0.0,)) -> tuple[float, float, float]:
@@ -76,7 +77,7 @@ def _decode_version_2(raw: bytes, message_type: str) -> tuple[int | None, Values
     try:
         if layout.stamped:
             seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', raw, 4)
-            stamp = seconds * NANOSECONDS + nanoseconds
+            stamp = seconds * SECOND_NS + nanoseconds
             frame = raw[16 : 16 + length - 1].decode()
             at = 4 + -(-(12 + length) // 4) * 4
         numbers = struct.unpack_from(f'{order}{layout.doubles}d', raw, at)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_recording.bags.compression import ZSTD_MAGIC, decompress_message
-from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, Bytes
+from imu_recording.bags.decoding.cdr import LAYOUTS, LITTLE_ENDIAN, Bytes
 from imu_recording.bags.decoding.cdr_kernels import decode_messages
 from imu_recording.bags.decoding.message_types import DecodeError, standard_types, types_of
 from imu_recording.bags.decoding.slow_decode import (
@@ -199,7 +199,7 @@ class TopicColumns:
             return
         self.slow += self.track.message_type != STRING
         self.append(stamp, values, text, received)
-        if stamp is not None and raw[:2] == ENCAPSULATION[:2]:
+        if stamp is not None and raw[:2] == LITTLE_ENDIAN:
             self._frame = np.frombuffer(text.encode(), np.uint8)
 
     def _expect_frame(self, block: MessageBlock, first: int, slot: int) -> bool:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from imu_recording.recording import SECOND_NS
 from nicegui import run, ui
 from thermal_comp.presentation.display import FILTER_LABELS, SENSORS
 
@@ -35,7 +36,6 @@ from imu_workbench.web.live.tables import (
     values_table,
     verdict,
 )
-from imu_workbench.web.live.topic_history import SECOND_NS
 from imu_workbench.web.live.topics import (
     ROLES,
     choices,

@@ -7,11 +7,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import SECOND_NS, FloatArray
 from orientation_filters.rotation.arrays import conjugate, euler_zyx, multiply, rotation_angle
 
 from imu_workbench.web.live.state import FILTERS, LiveState, NodeStatus
-from imu_workbench.web.live.topic_history import SECOND_NS
 
 ZERO_SECONDS = 10
 """The static residual counts from the mean of this many seconds."""

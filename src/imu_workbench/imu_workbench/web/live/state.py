@@ -14,11 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import SECOND_NS, FloatArray
 
 from imu_workbench.web.live.topic_history import (
     MAX_RECENT_ROWS,
-    SECOND_NS,
     Rows,
     TopicHistory,
     decoded,

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS
-from imu_recording.recording import FloatArray, IntArray
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS
+from imu_recording.recording import SECOND_NS, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def decoded(message_type: str, messages: Sequence[bytes]) -> tuple[Rows, int]:
         joined = b''.join(fit[i] for i in chosen)
         table = np.frombuffer(joined, np.uint8).reshape(len(chosen), size)
         seconds = table[:, 4:8].copy().view('<i4')[:, 0].astype(np.int64)
-        stamp[chosen] = seconds * NANOSECONDS + table[:, 8:12].copy().view('<u4')[:, 0]
+        stamp[chosen] = seconds * SECOND_NS + table[:, 8:12].copy().view('<u4')[:, 0]
         body = size - 8 * count
         values[chosen] = table[:, body:].copy().view('<f8')
     for group in layout.columns:
@@ -59,7 +59,6 @@ MAX_RECENT_ROWS = 32_768
 """Samples kept as they are: 30 s at 1 kHz."""
 MAX_HISTORY_SECONDS = 86_400
 """Seconds kept as means: a day."""
-SECOND_NS = 1_000_000_000
 
 
 class Recent:
