@@ -61,7 +61,7 @@ def test_mistakes_are_one_line(
     absent = tmp_path / 'absent.py'
     assert main([*call, '--effects', str(absent)]) == 2
     assert f'{absent}: no such file' in capsys.readouterr().err
-    monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())
-    monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
+    monkeypatch.setattr('imu_workbench.fleet.LIBRARIES', ())
+    monkeypatch.setattr('imu_workbench.fleet.find_spec', lambda name: None)
     assert main(call) == 2
     assert 'requirements-fleet.txt' in capsys.readouterr().err

@@ -27,7 +27,7 @@ from imu_workbench.commands.options import (
     read_recordings,
     save_unless_worse,
 )
-from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.fleet import require_fleet
 from imu_workbench.outputs import claim_output
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'

@@ -12,7 +12,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.answer import Answer, show_progress, write_json
 from imu_workbench.commands.options import add_effects_argument
-from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.fleet import require_fleet
 
 HELP = 'Estimate many devices on a cluster; what they share, which are odd; one page of it.'
 EPILOG = """\

@@ -16,7 +16,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.answer import CHECK_FAILED, Answer
 from imu_workbench.commands.options import add_output_argument
-from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.fleet import require_fleet
 from imu_workbench.outputs import claim_output
 from imu_workbench.profile_timetable import timetable_content, timetable_text
 

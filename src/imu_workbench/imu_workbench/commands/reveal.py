@@ -21,7 +21,7 @@ from thermal_comp.model.values import ThermalModel
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument, add_model_argument
-from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.fleet import require_fleet
 from imu_workbench.simulate.fleet import fleet_truth, score_fleet
 from imu_workbench.simulate.hidden_effect import (
     all_hidden,

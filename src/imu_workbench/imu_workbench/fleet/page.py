@@ -12,7 +12,6 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 from markupsafe import Markup
 
 from imu_workbench.case import is_case
-from imu_workbench.fleet.display import displayed
 from imu_workbench.fleet.figures import (
     MAP_DEVICES,
     control_figure,
@@ -24,7 +23,7 @@ from imu_workbench.fleet.figures import (
 from imu_workbench.fleet.sources import NO_TYPE
 from imu_workbench.fleet.statistics.process_control import LEAST_CPK
 from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors, read_vectors
-from imu_workbench.fleet.summary import campaign_text, curve_lines, lot_name
+from imu_workbench.fleet.summary import campaign_text, curve_lines, displayed, lot_name
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.report.html.render import Section, render_page
 

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a terminal shows of the study of a fleet."""
+"""The study of a fleet in the units of display, and as lines for a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from imu_workbench.fleet.display import displayed
+from thermal_comp.presentation.display import coefficient_unit
+
 from imu_workbench.fleet.sources import NO_TYPE
 from imu_workbench.fleet.statistics.process_control import LEAST_CPK
 
+PER_AXIS = ('mean', 'std', 'estimate_std', 'within_std')
+BOUNDS = ('lower', 'upper', 'centre')
 MOST_LISTED = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""
 
@@ -160,3 +164,25 @@ def shortest_first(
         if not front or point['ratio'] < front[-1]['ratio'] - SAME_RATIO:
             front.append(point)
     return front
+
+
+def displayed(entries: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return entries of a study with their coefficients, axes x, y, z, in the unit of display.
+
+    >>> displayed([{'sensor': 'accelerometer', 'unit': 'm/s²/K', 'mean': [0.004, 0.0, -0.002]}])
+    [{'sensor': 'accelerometer', 'unit': 'mm/s²/K', 'mean': [4.0, 0.0, -2.0]}]
+    """
+    return [_displayed(entry) for entry in entries]
+
+
+def _displayed(entry: Mapping[str, Any]) -> dict[str, Any]:
+    unit = coefficient_unit(entry['sensor'], entry['unit'])
+    scaled = partial(_scaled, unit.factor)
+    changed = {key: scaled(entry[key][:3]) for key in PER_AXIS if key in entry}
+    bounds = {key: scaled([entry[key]])[0] for key in BOUNDS if key in entry}
+    limits = {'limits': scaled(entry['limits'])} if 'limits' in entry else {}
+    return {**entry, **changed, **bounds, **limits, 'unit': unit.unit}
+
+
+def _scaled(factor: float, values: Sequence[float | None]) -> list[float | None]:
+    return [None if value is None else factor * value for value in values]

@@ -90,7 +90,7 @@ def footer(certificate: Mapping[str, Any]) -> str:
 
 def pictures_of(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
     """Give a picture of every run that a certificate is about, and of what noise is left."""
-    from imu_workbench.report.figures.run_pages import allan_picture, run_picture
+    from imu_workbench.report.figures.printed import allan_picture, run_picture
 
     plans = {recording['name']: recording['plan'] for recording in content['recordings']}
     for device, found in content['certificates'].items():

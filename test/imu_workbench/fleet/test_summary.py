@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from imu_workbench.fleet.display import displayed
+from imu_workbench.fleet.summary import displayed
 
 
 def test_every_number_of_an_entry_is_in_the_unit_of_display_and_the_entry_is_kept() -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from html import unescape
 
-from imu_workbench.report.figures.run_pages import allan_picture, run_picture
+from imu_workbench.report.figures.printed import allan_picture, run_picture
 
 LINE = {'x': [0.0, 1.0, None, 2.0], 'y': [0.1, -0.1, None, 0.2]}
 RESIDUALS = {
