@@ -25,6 +25,7 @@ from imu_recording.bags.mcap.writer import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
+    CHUNK_HEAD,
     DATA_END,
     MAGIC,
     MESSAGE,
@@ -50,7 +51,6 @@ BLOCK_BYTES = 1 << 22
 """Messages that stand outside chunks are read in blocks of this many bytes."""
 LARGEST_CHUNK = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
-_CHUNK_HEAD = struct.Struct('<QQQII')
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
 
 
@@ -147,13 +147,13 @@ class McapScan:
 
     def chunk(self, content: memoryview, size: int, place: int) -> None:
         """Decompress one chunk, or what is there of it, and scan it."""
-        if len(content) < _CHUNK_HEAD.size:
+        if len(content) < CHUNK_HEAD.size:
             return
-        _, _, expected, checksum, text = _CHUNK_HEAD.unpack_from(content)
-        at = _CHUNK_HEAD.size + text
+        _, _, expected, checksum, text = CHUNK_HEAD.unpack_from(content)
+        at = CHUNK_HEAD.size + text
         if at + 8 > len(content):
             return
-        compression = bytes(content[_CHUNK_HEAD.size : at]).decode(errors='replace')
+        compression = bytes(content[CHUNK_HEAD.size : at]).decode(errors='replace')
         records = content[at + 8 :]
         whole = len(content) == size
         try:

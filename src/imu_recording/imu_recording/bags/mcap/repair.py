@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,7 @@ from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 from imu_recording.bags.mcap.reader import McapScan
 from imu_recording.bags.mcap.writer import (
     CHUNK,
+    CHUNK_HEAD,
     DATA_END,
     MAGIC,
     MESSAGE_HEAD,
@@ -31,8 +31,6 @@ from imu_recording.bags.mcap.writer import (
     message_index,
 )
 from imu_recording.recording import BagError, IntArray
-
-_CHUNK_HEAD = struct.Struct('<QQQII')
 
 
 @dataclass
@@ -142,8 +140,8 @@ class _Continuation:
             for number, times in entries.items():
                 chunk.indexes[number] = end + len(self.rest)
                 self.rest += message_index(number, times)
-        first, last, size, _, text = _CHUNK_HEAD.unpack_from(chunk.content)
-        compression = chunk.content[_CHUNK_HEAD.size : _CHUNK_HEAD.size + text].decode()
+        first, last, size, _, text = CHUNK_HEAD.unpack_from(chunk.content)
+        compression = chunk.content[CHUNK_HEAD.size : CHUNK_HEAD.size + text].decode()
         self.stream.resume_chunk(
             WrittenChunk(
                 first=first,
@@ -153,7 +151,7 @@ class _Continuation:
                 indexes=chunk.indexes,
                 indexes_length=end + len(self.rest) - chunk.place - 9 - chunk.length,
                 compression=compression,
-                packed=chunk.length - _CHUNK_HEAD.size - text - 8,
+                packed=chunk.length - CHUNK_HEAD.size - text - 8,
                 size=size,
             ),
             {number: len(times) for number, times in entries.items()},

@@ -20,12 +20,13 @@ MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT = 0x07, 0x08, 0x09
 STATISTICS, METADATA = 0x0B, 0x0C
 METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
 
-
 LIBRARY = 'imu_recording'
 LATEST_STAMP = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')
 MESSAGE_HEAD = _MESSAGE.size
 """Bytes of a message record before the serialised message."""
+CHUNK_HEAD = struct.Struct('<QQQII')
+"""First and last time of receipt, size and checksum of the records, length of the compression."""
 
 
 @dataclass
@@ -155,8 +156,11 @@ class McapStream:
         self._first, self._last = min(self._first, chunk.first), max(self._last, chunk.last)
         records = bytes(chunk.records)
         packed = compress_chunk(records, self.compression)
-        head = struct.pack('<QQQI', first, chunk.last, len(records), zlib.crc32(records))
-        head += _text(self.compression) + struct.pack('<Q', len(packed))
+        compression = self.compression.encode()
+        head = CHUNK_HEAD.pack(
+            first, chunk.last, len(records), zlib.crc32(records), len(compression)
+        )
+        head += compression + struct.pack('<Q', len(packed))
         start = self.position
         pieces = [_record(CHUNK, head + packed)]
         length = len(pieces[0])
