@@ -10,7 +10,7 @@ from pathlib import Path
 PROGRAM = """
 from imu_recording import jit
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
-from orientation_filters.live.state import live_state
+from orientation_filters.live.filter import live_state
 from orientation_filters.parameters import PRESET_NAMES
 from orientation_filters.precompile import precompile
 from orientation_filters.smoothing import run_smoother

@@ -84,7 +84,7 @@ def step(
 ) -> tuple[Quaternion, Symmetric, int]:
     """Return orientation, covariance and flags after a sample, given as stamp and vectors.
 
-    State and parameters stay in compiled memory (`live.state`): that takes a tenth of the time.
+    State and parameters stay in compiled memory (`live.filter`): that takes a tenth of the time.
     """
     states[0], found = update(states[0], params[0], Sample(stamp, w, f, m))
     return found.orientation, found.covariance, found.flags
