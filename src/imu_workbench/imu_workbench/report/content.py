@@ -51,8 +51,8 @@ from imu_workbench.tables.paper import PAPER_NOTES
 TITLE = 'Temperature error of MEMS IMUs'
 PAPER_PROFILE = 'paper_betta2022'
 """Plan of the campaigns that are compared with the paper."""
-ALL_POINTS = 4_500
-"""Points per channel of all runs together: what keeps the page light."""
+RUNS_POINTS = 4_500
+"""Points of one channel's lines over all runs together: the page stays small."""
 
 
 def report_content(
@@ -69,7 +69,44 @@ def report_content(
     `growth` is what a ModelGrowthTask found. `laboratory` and `limits` are what the certificates
     state and decide by; without them they say that nothing was stated.
     """
-    points = int(np.clip(ALL_POINTS / max(1, len(analysis.runs)), 400, 1500))
+    points = int(np.clip(RUNS_POINTS / max(1, len(analysis.runs)), 400, 1500))
+    measured = measured_content(analysis, points)
+    modelled = modelled_content(analysis, points)
+    content = {
+        'schema': 1,
+        'title': TITLE,
+        'lead': lead(analysis),
+        'certificates': certificates(analysis, laboratory or Laboratory(), limits),
+        'follows_paper': follows_paper(analysis),
+        'devices': device_rows(analysis),
+        'left_out': list(analysis.left_out),
+        **measured,
+        **modelled,
+        'diagnosis': dict(analysis.diagnoses),
+        'staircase': error_steps_content(analysis),
+        'attitudes': [attitude_content(run) for run in analysis.runs if run.attitudes],
+        'published_attitudes': list(paper.tables_6_7()),
+        'claims': report_claims(analysis, measured, modelled),
+        'paper_notes': list(PAPER_NOTES),
+        'growth': growth,
+        'reproduce': {'commands': list(commands), 'versions': versions},
+    }
+    result: dict[str, Any] = plain(content)
+    return result
+
+
+def follows_paper(analysis: Analysis) -> bool:
+    """Tell whether any run followed the paper's plan."""
+    return any(run.recording.profile.startswith(PAPER_PROFILE) for run in analysis.runs)
+
+
+def device_rows(analysis: Analysis) -> list[dict[str, str]]:
+    """Return the name of every device, why it has no model, and what was remarked of it."""
+    return [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in analysis.devices]
+
+
+def measured_content(analysis: Analysis, points: int) -> dict[str, Any]:
+    """Return what was measured: every recording, Tables III–V and the overall ranges."""
     statistics = [
         {
             'name': run.name,
@@ -79,46 +116,43 @@ def report_content(
         }
         for run in analysis.runs
     ]
-    ranges = overall_ranges(statistics)
-    overheating = {run.name: overheating_content(run.recording) or {} for run in analysis.runs}
-    devices = [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in analysis.devices]
-    pooled = {sensor: test.to_dict() for sensor, test in analysis.pooling.items()}
-    content = {
-        'schema': 1,
-        'title': TITLE,
-        'lead': lead(analysis),
-        'certificates': certificates(analysis, laboratory or Laboratory(), limits),
-        'follows_paper': any(r.recording.profile.startswith(PAPER_PROFILE) for r in analysis.runs),
-        'devices': devices,
-        'left_out': list(analysis.left_out),
-        'recordings': [
-            recording_content(run.recording, run.hash)
-            | {
-                'name': run.name,
-                'plan': plan_content(run.recording, points=points),
-                'cycle': cycle_content(run.recording, points=points),
-                'overheating': overheating[run.name],
-            }
-            for run in analysis.runs
-        ],
+    return {
+        'recordings': [recording_entry(run, points) for run in analysis.runs],
         'device_of_run': {run.name: run.device for run in analysis.runs},
         'statistics': statistics,
         'published_statistics': published_statistics(),
-        'ranges': ranges,
+        'ranges': overall_ranges(statistics),
+    }
+
+
+def recording_entry(run: RunAnalysis, points: int) -> dict[str, Any]:
+    """Return one recording: its identity, its plan, one cycle, how much warmer than the air."""
+    return recording_content(run.recording, run.hash) | {
+        'name': run.name,
+        'plan': plan_content(run.recording, points=points),
+        'cycle': cycle_content(run.recording, points=points),
+        'overheating': overheating_content(run.recording) or {},
+    }
+
+
+def modelled_content(analysis: Analysis, points: int) -> dict[str, Any]:
+    """Return what the models make of it: dependence, slopes, fits, residuals, comparison."""
+    errors = {run.name: run.errors for run in analysis.runs if run.errors}
+    device_of_run = {run.name: run.device for run in analysis.runs}
+    return {
         'dependence': {
             device.name: dependence_content(
-                [run.errors for run in analysis.runs if run.errors and run.device == device.name]
+                [found for run, found in errors.items() if device_of_run[run] == device.name]
             )
             for device in analysis.devices
             if device.model
         },
         'slopes': slope_table(analysis.slopes),
-        'pooled': pooled,
-        'fits': {run.name: fit_content(run.errors) for run in analysis.runs if run.errors},
+        'pooled': {sensor: test.to_dict() for sensor, test in analysis.pooling.items()},
+        'fits': {run: fit_content(found) for run, found in errors.items()},
         'residuals': {
-            run.name: residual_content(run.errors, floors_of(analysis, run.device), points=points)
-            for run in analysis.runs
-            if run.errors
+            run: residual_content(found, floors_of(analysis, device_of_run[run]), points=points)
+            for run, found in errors.items()
         },
         'comparison': {
             device.name: device.comparison.to_dict()
@@ -128,17 +162,7 @@ def report_content(
         'models': {
             name: model_content(certified.model) for name, certified in analysis.certified.items()
         },
-        'diagnosis': dict(analysis.diagnoses),
-        'staircase': error_steps_content(analysis),
-        'attitudes': [attitude_content(run) for run in analysis.runs if run.attitudes],
-        'published_attitudes': list(paper.tables_6_7()),
-        'claims': report_claims(analysis, ranges, overheating, pooled),
-        'paper_notes': list(PAPER_NOTES),
-        'growth': growth,
-        'reproduce': {'commands': list(commands), 'versions': versions},
     }
-    result: dict[str, Any] = plain(content)
-    return result
 
 
 def floors_of(analysis: Analysis, device: str) -> dict[str, FloatArray]:
@@ -149,18 +173,19 @@ def floors_of(analysis: Analysis, device: str) -> dict[str, FloatArray]:
 
 
 def report_claims(
-    analysis: Analysis, ranges: dict[str, Any], overheating: dict[str, Any], pooled: dict[str, Any]
+    analysis: Analysis, measured: Mapping[str, Any], modelled: Mapping[str, Any]
 ) -> list[Claim]:
-    """Return every claim of the paper beside these recordings."""
+    """Return every claim of the paper beside what was measured and modelled here."""
     filtered = [run for run in analysis.runs if run.attitudes]
     fast = [run for run in filtered if not run.interpolated]
     attitudes = {run.name: run.attitudes for run in fast or filtered}
+    overheating = {row['name']: row['overheating'] for row in measured['recordings']}
     memory = {name: state_bytes(name) for name in ('complementary', 'ahrs')}
     return [
-        range_claim(ranges),
+        range_claim(measured['ranges']),
         orientation_claim(analysis.slopes),
         device_claim(analysis.slopes),
-        pooled_claim(pooled),
+        pooled_claim(modelled['pooled']),
         linearity_claim(analysis),
         gaussianity_claim(analysis),
         *attitude_claims(attitudes, memory, interpolated=not fast),

@@ -76,77 +76,110 @@ def certificate(
     limits: CoefficientLimits | None,
 ) -> dict[str, Any]:
     """Return the content of the certificate of one device."""
-    recordings = [run.recording for run in analysis.runs if run.device == device]
-    hashes = {run.name: run.hash for run in analysis.runs}
-    up_axes = {recording.run: recording.up_axis for recording in recordings}
-    every = quantities(
-        certified.model, certified.runs, [up_axes.get(r.name, '') for r in certified.runs],
-        laboratory,
-    )  # fmt: skip
-    found = [q for q in every if not q.shape]
-    shapes = [quantity_content(q) for q in every if q.shape]
-    shapes += shapes_without_uncertainty(certified, every)
-    decisions = decided(found, limits)
-    simulated = laboratory.simulated or any(recording.simulated for recording in recordings)
+    runs = [run for run in analysis.runs if run.device == device]
+    recordings = [run.recording for run in runs]
+    temperatures = _range(part.temperature_range for part in certified.model.sensors.values())
+    every = all_quantities(certified, recordings, laboratory)
+    results = result_content(certified, every)
     errors = error_content(certified)
-    diagnosis = analysis.diagnoses.get(device)
-    deviations = allan_deviations(certified.model, certified.runs)
-    low, high = _range(part.temperature_range for part in certified.model.sensors.values())
+    decisions = decision_content([q for q in every if not q.shape], limits)
     return {
         'schema': SCHEMA,
-        'device': {
-            'name': device,
-            'type': laboratory.text('device', 'type'),
-            'manufacturer': laboratory.text('device', 'manufacturer'),
-            'serial': laboratory.text('device', 'serial'),
-            'condition': laboratory.text('device', 'condition'),
-        },
-        'simulated': simulated,
-        'laboratory': {
-            'name': laboratory.text('laboratory', 'name'),
-            'address': laboratory.text('laboratory', 'address'),
-            'country': laboratory.text('laboratory', 'country'),
-            'accreditation': laboratory.text('laboratory', 'accreditation'),
-            'customer': _joined(laboratory.text('customer', key) for key in ('name', 'address')),
-            'number': laboratory.text('certificate', 'number'),
-            'date_of_issue': laboratory.text('certificate', 'date_of_issue'),
-            'received': laboratory.text('received'),
-            'place': laboratory.text('place'),
-            'operator': laboratory.text('operator'),
-            'approved_by': laboratory.text('approved_by'),
-            'traceability': laboratory.text('traceability'),
-            'deviations': laboratory.text('deviations'),
-            'chamber': laboratory.instrument('chamber'),
-            'thermometer': laboratory.instrument('thermometer'),
-            'references': references(laboratory, recordings),
-        },
-        'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
+        'device': device_statements(device, laboratory),
+        'simulated': laboratory.simulated or any(r.simulated for r in recordings),
+        'laboratory': laboratory_statements(laboratory, recordings),
+        'recordings': [recording_row(run.recording, run.hash) for run in runs],
         'losses': losses(recordings),
-        'conditions': conditions(recordings, low, high),
+        'conditions': conditions(recordings, *temperatures),
         'equations': equations(certified),
         'method': method(
             certified, recordings, every, in_chamber=bool(laboratory.content.get('chamber'))
         ),
         'reference_temperature': certified.model.reference_temperature,
-        'quantities': [quantity_content(q) for q in found],
-        'not_determined': not_determined(found, certified),
-        'shapes': shapes,
+        **results,
         'errors': errors,
         'residuals': residuals(certified),
+        **noise_content(certified, recordings, laboratory),
+        'period': certified.comparison.period,
+        'not_included': not_included(every),
+        **decisions,
+        'validity': validity(recordings, *temperatures),
+        'monte_carlo_deviation': monte_carlo_deviation(every),
+        'added': list(certified.added),
+        'conclusion': conclusion(
+            certified, results['shapes'], errors, decisions['decisions'],
+            analysis.diagnoses.get(device), temperatures,
+        ),
+    }  # fmt: skip
+
+
+def all_quantities(
+    certified: Certified, recordings: Sequence[ImuRecording], laboratory: Laboratory
+) -> list[Quantity]:
+    """Return every coefficient and shape parameter that has an uncertainty."""
+    up_axes = {recording.run: recording.up_axis for recording in recordings}
+    up_axes_of_runs = [up_axes.get(run.name, '') for run in certified.runs]
+    return quantities(certified.model, certified.runs, up_axes_of_runs, laboratory)
+
+
+def device_statements(device: str, laboratory: Laboratory) -> dict[str, str]:
+    """Return the device's name, and what the laboratory states about it."""
+    stated = ('type', 'manufacturer', 'serial', 'condition')
+    return {'name': device} | {key: laboratory.text('device', key) for key in stated}
+
+
+def laboratory_statements(
+    laboratory: Laboratory, recordings: Sequence[ImuRecording]
+) -> dict[str, Any]:
+    """Return what the laboratory states about itself, this calibration and its instruments."""
+    of_itself = ('name', 'address', 'country', 'accreditation')
+    of_the_work = ('received', 'place', 'operator', 'approved_by', 'traceability', 'deviations')
+    return {
+        **{key: laboratory.text('laboratory', key) for key in of_itself},
+        'customer': _joined(laboratory.text('customer', key) for key in ('name', 'address')),
+        'number': laboratory.text('certificate', 'number'),
+        'date_of_issue': laboratory.text('certificate', 'date_of_issue'),
+        **{key: laboratory.text(key) for key in of_the_work},
+        'chamber': laboratory.instrument('chamber'),
+        'thermometer': laboratory.instrument('thermometer'),
+        'references': references(laboratory, recordings),
+    }
+
+
+def result_content(certified: Certified, every: Sequence[Quantity]) -> dict[str, Any]:
+    """Return the coefficients, those that are missing, and the shape parameters."""
+    coefficients = [q for q in every if not q.shape]
+    shapes = [quantity_content(q) for q in every if q.shape]
+    return {
+        'quantities': [quantity_content(q) for q in coefficients],
+        'not_determined': not_determined(coefficients, certified),
+        'shapes': shapes + shapes_without_uncertainty(certified, every),
+    }
+
+
+def noise_content(
+    certified: Certified, recordings: Sequence[ImuRecording], laboratory: Laboratory
+) -> dict[str, Any]:
+    """Return the noise of what the model leaves: its coefficients and its Allan deviation."""
+    deviations = allan_deviations(certified.model, certified.runs)
+    return {
         'allan': allan_content(deviations, datasheet_noise(laboratory)),
         'allan_rows': rows_note(recordings),
         'without_density': without_density(laboratory),
         'allan_deviation': allan_curves(deviations),
-        'period': certified.comparison.period,
-        'not_included': not_included(every),
+    }
+
+
+def decision_content(
+    coefficients: Sequence[Quantity], limits: CoefficientLimits | None
+) -> dict[str, Any]:
+    """Return the decisions on the limits, limits without a result, and the rule of decision."""
+    decisions = decided(coefficients, limits)
+    return {
         'decisions': decisions,
         'without_result': without_result(decisions, limits),
         'rule': RULES[limits.rule] if limits else '',
         'limits_source': limits.source if limits else '',
-        'validity': validity(recordings, low, high),
-        'monte_carlo_deviation': monte_carlo_deviation(every),
-        'added': list(certified.added),
-        'conclusion': conclusion(certified, shapes, errors, decisions, diagnosis, (low, high)),
     }
 
 
