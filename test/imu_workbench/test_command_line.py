@@ -23,9 +23,9 @@ from thermal_comp.compensation.stream import Condition
 from thermal_comp.data.conditions import CHANNELS
 from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects import EFFECTS
-from thermal_comp.presentation.comparison import COLUMNS
+from thermal_comp.presentation.comparison import COLUMN_TITLES
 from thermal_comp.presentation.diagnosis import VERDICTS
-from thermal_comp.presentation.words import WORDS
+from thermal_comp.presentation.words import VERDICT_SENTENCES
 
 ROOT = Path(__file__).resolve().parents[2]
 WORKBENCH = [sys.executable, '-m', 'imu_workbench']
@@ -73,9 +73,9 @@ def words_of_answers() -> set[str]:
     counted = {item.name for item in fields(Condition)} - {'samples', 'temperature'}
     shapes = {item.name for effect in EFFECTS.values() for item in fields(effect)}
     return {
-        *EFFECTS, *shapes, *FINDINGS, *VERDICTS, *VERDICT_NAMES.values(), *COLUMNS,
-        *COLUMNS.values(), *PHASES, *CHANNELS, *FILTERS, *presets, *counted, *found_in_tables,
-        *WORDS,
+        *EFFECTS, *shapes, *FINDINGS, *VERDICTS, *VERDICT_NAMES.values(), *COLUMN_TITLES,
+        *COLUMN_TITLES.values(), *PHASES, *CHANNELS, *FILTERS, *presets, *counted,
+        *found_in_tables, *VERDICT_SENTENCES,
     }  # fmt: skip
 
 

@@ -19,29 +19,29 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, joint_eviden
 from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
 from thermal_comp.model.values import NoiseModel
 
-BAGS = (('mcap', 'zstd'), ('mcap', 'none'), ('sqlite3', 'none'))
+COMPILED_BAG_FORMATS = (('mcap', 'zstd'), ('mcap', 'none'), ('sqlite3', 'none'))
 """Storage and compression of bags whose reading takes kernels of its own."""
-ROWS = 20
+EXAMPLE_ROWS = 20
 """Samples of the example that is compiled with."""
 
 
 def precompile() -> None:
     """Call each cached kernel once with the types and layouts of real data."""
-    time = np.linspace(0.0, 60.0, ROWS)
-    values = np.linspace(-5.0, 5.0, ROWS)
+    time = np.linspace(0.0, 60.0, EXAMPLE_ROWS)
+    values = np.linspace(-5.0, 5.0, EXAMPLE_ROWS)
     play(values, 1.0)
     follow(time, values, 10.0)
     grow_and_melt(time, values, 10.0, 10.0)
-    far_rows(np.ones((ROWS, 3)), np.ones(3))
+    far_rows(np.ones((EXAMPLE_ROWS, 3)), np.ones(3))
     noise = NoiseModel(np.ones(3), np.array([60.0, 600.0]), np.ones((2, 3)))
-    slot = np.delete(np.arange(ROWS + 1, dtype=np.int64), 3)
+    slot = np.delete(np.arange(EXAMPLE_ROWS + 1, dtype=np.int64), 3)
     gains = innovation_gains(slot, noise, 0, 3.0)
     apply_transposed(apply_gains(values[:, None], gains), gains)
     prior = CoefficientPrior((0,), shared=False, deviation=np.ones(1))
     joint_evidence(np.ones((3, 1, 1)), np.ones((3, 1)), 3.0, 3, [prior])
     recording = _recording()
     with tempfile.TemporaryDirectory() as folder:
-        for storage, compression in BAGS:
+        for storage, compression in COMPILED_BAG_FORMATS:
             path = Path(folder) / f'{storage}_{compression}'
             write_bag(recording, path, storage=storage, compression=compression)
             read_bag(path)
@@ -49,14 +49,14 @@ def precompile() -> None:
 
 def _recording() -> ImuRecording:
     """Return a few samples with every kind of topic."""
-    tracks = np.ones((ROWS, 3))
+    tracks = np.ones((EXAMPLE_ROWS, 3))
     return ImuRecording(
-        stamp=np.arange(ROWS, dtype=np.int64) * 10_000_000 + 1_700_000_000_000_000_000,
+        stamp=np.arange(EXAMPLE_ROWS, dtype=np.int64) * 10_000_000 + 1_700_000_000_000_000_000,
         angular_velocity=tracks,
         linear_acceleration=tracks,
         magnetic_field=tracks,
-        temperature=np.linspace(20.0, 21.0, ROWS),
-        heater=np.linspace(0.0, 1.0, ROWS),
+        temperature=np.linspace(20.0, 21.0, EXAMPLE_ROWS),
+        heater=np.linspace(0.0, 1.0, EXAMPLE_ROWS),
         vibration=tracks,
         up_axis='+z',
     )

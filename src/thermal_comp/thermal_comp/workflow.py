@@ -24,7 +24,8 @@ from thermal_comp.data.motion import noted
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.diagnose import diagnose as diagnose_recordings
-from thermal_comp.diagnosis.growth import Growth, add_effect
+from thermal_comp.diagnosis.grown_model import Growth
+from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.diagnosis.result import Diagnosis
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -43,7 +44,7 @@ EffectLike: TypeAlias = str | Effect | type[Effect]
 EffectList: TypeAlias = EffectLike | Sequence[EffectLike]
 
 GLOB_SIGNS = frozenset('*?[')
-LINE = BiasTemperature
+FIRST_EFFECT = BiasTemperature
 """The effect a model starts from: the paper's line per axis."""
 
 
@@ -68,7 +69,7 @@ def read(
 
 def fit(
     recordings: Recordings,
-    effects: EffectList | Mapping[Sensor, EffectList] = LINE,
+    effects: EffectList | Mapping[Sensor, EffectList] = FIRST_EFFECT,
     *,
     pooled: bool = False,
     catalogue: Mapping[str, type[Effect]] = EFFECTS,
@@ -90,7 +91,7 @@ def fit(
 def compare(recordings: Recordings, model: ThermalModel | None = None) -> Comparison:
     """Return measured against modelled error per axis: rms, held out, noise floor, where."""
     runs = prepare(_recordings(recordings, model))
-    return compare_prepared(model or fit_prepared([LINE()], runs), runs)
+    return compare_prepared(model or fit_prepared([FIRST_EFFECT()], runs), runs)
 
 
 def diagnose(

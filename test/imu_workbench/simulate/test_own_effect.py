@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from imu_workbench.__main__ import main
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.contract import CAMPAIGN
+from thermal_comp.effects.contract import EXAMPLE_CAMPAIGN
 from thermal_comp.effects.user_effects import effects_in_file
 from thermal_comp.model.file import load_model
 
@@ -38,7 +38,7 @@ def test_the_example_keeps_the_contract(effect: Path) -> None:
 
 def test_a_search_steps_no_further_than_the_effect_is_wide(effect: Path) -> None:
     (kind,) = effects_in_file(effect)
-    forms = [candidate.effect for candidate in kind.search_grid(CAMPAIGN)]
+    forms = [candidate.effect for candidate in kind.search_grid(EXAMPLE_CAMPAIGN)]
     centres = sorted(form.shape_parameters['centre'] for form in forms)
     assert (centres[0], centres[-1]) == (-10.0, 50.0)
     assert max(b - a for a, b in pairwise(centres)) < 3.0

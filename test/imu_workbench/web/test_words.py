@@ -3,12 +3,12 @@
 
 import re
 
-from imu_workbench.web.words import KEYS, OWN, with_help, word
-from thermal_comp.presentation.words import WORDS
+from imu_workbench.web.words import ENTRY_OF_WORD, PAGE_WORDS, with_help, word
+from thermal_comp.presentation.words import VERDICT_SENTENCES
 
 
 def test_every_word_has_one_meaning() -> None:
-    assert all((key in OWN) != (key in WORDS) for key in KEYS.values())
+    assert all((key in PAGE_WORDS) != (key in VERDICT_SENTENCES) for key in ENTRY_OF_WORD.values())
     assert 'role="tooltip">How much an explanation is believed' in word('97 %', 'probability')
 
 

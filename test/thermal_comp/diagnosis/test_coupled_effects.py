@@ -6,7 +6,7 @@ import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis import sensor_search
 from thermal_comp.diagnosis.coupled_effects import coupled_support, with_effect
-from thermal_comp.diagnosis.sensor_answer import UNNAMED, SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, SensorAnswer
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -66,7 +66,7 @@ def test_a_sensor_whose_error_has_no_name_does_not_speak_for_it(
         base = {sensor: (BiasTemperature(),) for sensor in SENSORS}
         settings = Settings({'fixture_tilt': EFFECTS['fixture_tilt']})
         found = search_sensors(runs, base, determined_noise(runs, base)[0], settings)
-        assert found['magnetometer'].kind in UNNAMED
+        assert found['magnetometer'].kind in UNNAMED_CAUSES
         return found['accelerometer'].probability_of('fixture_tilt')
 
     assert probability(4.0) == pytest.approx(probability(0.0), abs=1e-9)

@@ -9,7 +9,8 @@ from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis import growth
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.growth import Growth, add_effect, grow, held_out_error_rises
+from thermal_comp.diagnosis.grown_model import Growth
+from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.model.file import load_model, save_model

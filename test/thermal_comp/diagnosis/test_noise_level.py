@@ -13,7 +13,7 @@ from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.findings import clock_findings, noise_findings, ranked
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
 from thermal_comp.diagnosis.noise_level import (
-    SHIPPED,
+    DEFAULT_CHIP,
     NoiseReference,
     chip_references,
     is_shipped_chip,
@@ -32,7 +32,7 @@ BAGS = Path(__file__).parents[3] / 'bags'
 LONG_S = 3 * 12 * 3600.0
 
 
-USUAL = chip_references()[SHIPPED].sensors
+USUAL = chip_references()[DEFAULT_CHIP].sensors
 
 
 def noise(white: float, flicker: float, sensor: str = 'gyroscope') -> NoiseModel:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CForm
-from thermal_comp.effects.empirical_term import GROUPS, Empirical
+from thermal_comp.effects.empirical_term import COLUMN_GROUPS, Empirical
 
 
 def conditions() -> Conditions:
@@ -22,7 +22,7 @@ def test_only_groups_in_use_have_columns(used: tuple[int, ...]) -> None:
     deviations = np.zeros((4, 3))
     deviations[list(used), 1] = 1.0
     part, after = Empirical(deviations=tuple(deviations.ravel().tolist())).columns(conditions())
-    there = np.isin(GROUPS, used)
+    there = np.isin(COLUMN_GROUPS, used)
     assert np.array_equal(part[:, there], whole[:, there])
     assert not part[:, ~there].any()
     assert (after is None) == (not {1, 2} & set(used))
@@ -31,4 +31,6 @@ def test_only_groups_in_use_have_columns(used: tuple[int, ...]) -> None:
 
 def test_c_says_only_what_is_in_use() -> None:
     curve = Empirical(deviations=(1.0,) * 3 + (0.0,) * 9)
-    assert len(curve.c_columns(CForm('gyroscope', 20.0)).expressions) == int((GROUPS == 0).sum())
+    assert len(curve.c_columns(CForm('gyroscope', 20.0)).expressions) == int(
+        (COLUMN_GROUPS == 0).sum()
+    )

@@ -9,7 +9,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_prepared
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.effects.contract import CAMPAIGN
+from thermal_comp.effects.contract import EXAMPLE_CAMPAIGN
 from thermal_comp.effects.mains_alias import MainsAlias
 from thermal_comp.effects.resolution import example_cycle
 from thermal_comp.fitting.fit import fit_prepared
@@ -18,9 +18,9 @@ from ..campaign import WHITE, chamber, run
 
 
 def test_a_machine_is_tried_only_where_it_was_logged() -> None:
-    logged = replace(CAMPAIGN, channels=frozenset({'heater', 'humidity'}))
-    both = replace(CAMPAIGN, channels=frozenset({'heater', 'compressor'}))
-    assert {c.effect.machine for c in MainsAlias.search_grid(CAMPAIGN)} == {0.0}
+    logged = replace(EXAMPLE_CAMPAIGN, channels=frozenset({'heater', 'humidity'}))
+    both = replace(EXAMPLE_CAMPAIGN, channels=frozenset({'heater', 'compressor'}))
+    assert {c.effect.machine for c in MainsAlias.search_grid(EXAMPLE_CAMPAIGN)} == {0.0}
     assert {c.effect.machine for c in MainsAlias.search_grid(logged)} == {0.0, 1.0}
     assert {c.effect.machine for c in MainsAlias.search_grid(both)} == {0.0, 1.0, 2.0}
 

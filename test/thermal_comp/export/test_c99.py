@@ -20,7 +20,7 @@ from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
 from thermal_comp.export.c99 import c99_of
-from thermal_comp.export.single_precision import TOLERANCE, single_precision_shares
+from thermal_comp.export.single_precision import LARGEST_ROUNDING_SHARE, single_precision_shares
 from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
 
@@ -173,7 +173,10 @@ def test_what_single_precision_is_off_by_is_foreseen(tmp_path: Path) -> None:
     for share in foreseen.values():
         assert max(single) / 3.0 < share < 6.0 * min(single)
     usual = model_of([EFFECTS[name]() for name in DEVICE_EFFECTS])
-    assert max(single_precision_shares(usual, [example_course(usual)]).values()) < TOLERANCE
+    assert (
+        max(single_precision_shares(usual, [example_course(usual)]).values())
+        < LARGEST_ROUNDING_SHARE
+    )
 
 
 @pytest.mark.usefixtures('compiler')

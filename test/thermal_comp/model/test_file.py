@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from imu_recording.plausibility import POSSIBLE
+from imu_recording.plausibility import POSSIBLE_RANGES
 from thermal_comp.data.quality import IMPOSSIBLE_TEXTS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_step import BiasStep
@@ -280,7 +280,7 @@ def test_numbers_that_no_sensor_has_are_refused_by_their_field(
 @pytest.mark.parametrize('track', IMPOSSIBLE_TEXTS)
 def test_errors_are_bounded_in_conditions_that_can_be(track: str) -> None:
     conditions = typical_conditions(-10.0, 50.0, 20.0, 'accelerometer')
-    low, high = POSSIBLE[track]
+    low, high = POSSIBLE_RANGES[track]
     values = getattr(conditions, track)
     assert low <= values.min() <= values.max() <= high
     assert track != 'pressure' or values.min() > 3e4  # on Earth

@@ -15,7 +15,7 @@ from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.explanation import explain_all, explanation, explanation_text
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.presentation.words import WORDS
+from thermal_comp.presentation.words import VERDICT_SENTENCES
 
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument
@@ -58,11 +58,11 @@ def run(options: argparse.Namespace) -> Answer:
     elif word in FINDINGS:
         finding = FINDINGS[word]
         content, text = finding.to_dict(), finding.text()
-    elif word in WORDS or word in parameters:
-        content = {'name': word, 'summary': WORDS.get(word) or parameters[word]}
+    elif word in VERDICT_SENTENCES or word in parameters:
+        content = {'name': word, 'summary': VERDICT_SENTENCES.get(word) or parameters[word]}
         text = fill(f'{word}: {content["summary"]}', 96, subsequent_indent='  ')
     else:
-        known = [*catalogue, *FINDINGS, *WORDS, *parameters]
+        known = [*catalogue, *FINDINGS, *VERDICT_SENTENCES, *parameters]
         near = did_you_mean(options.effect, known)
         raise UserError(
             f'{options.effect!r} is no effect, finding or word of an answer{near}; effects: '

@@ -14,12 +14,12 @@ from imu_recording.user_error import UserError
 from thermal_comp.data.conditions import INERTIAL_SENSORS, Sensor
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.export.ardupilot import NAMES, ardupilot_text
+from thermal_comp.export.ardupilot import SENSOR_NAMES, ardupilot_text
 from thermal_comp.export.c99 import C99_FILES, c99_of
 from thermal_comp.export.cubic import RATE_C_PER_MIN, Cubic, fitted_cubic, loss, reduced
 from thermal_comp.export.kalibr import HORIZON_S, densities, kalibr_text
-from thermal_comp.export.px4 import INSTANCES, LETTERS, px4_text
-from thermal_comp.export.single_precision import TOLERANCE, single_precision_shares
+from thermal_comp.export.px4 import INSTANCES, SENSOR_LETTERS, px4_text
+from thermal_comp.export.single_precision import LARGEST_ROUNDING_SHARE, single_precision_shares
 from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.file import load_model, model_label
 from thermal_comp.model.values import ThermalModel
@@ -48,7 +48,7 @@ EPILOG = (
     '  make -C firmware test THERMAL=$PWD/thermal\n'
     '  python -m imu_workbench export better.yaml bags/hidden_effect_? --to px4 -o board.params'
 )
-VECTORS = 'imu_thermal_vectors.txt'
+VECTORS_FILE = 'imu_thermal_vectors.txt'
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +105,7 @@ def _c99(
     courses = [recorded_course(model, recording) for recording in recordings]
     courses = courses or [example_course(model)]
     vectors = vectors_text(model, exported.channels, courses)
-    write_files(options.output, {**exported.files, VECTORS: vectors})
+    write_files(options.output, {**exported.files, VECTORS_FILE: vectors})
     effects = {
         sensor: [effect.name for _, effect, _ in part.device_terms()]
         for sensor, part in model.sensors.items()
@@ -115,7 +115,7 @@ def _c99(
         'model': options.model,
         'to': options.to,
         'output': options.output,
-        'files': [*exported.files, VECTORS],
+        'files': [*exported.files, VECTORS_FILE],
         'effects': effects,
         'channels': dict(exported.channels),
         'vectors': vectors.count('\n') - 1,
@@ -132,10 +132,10 @@ def _c99(
 
 def _precision_lines(shares: Mapping[Sensor, float]) -> list[str]:
     """Return which sensors single precision is too coarse for, and what to do."""
-    coarse = {sensor: share for sensor, share in shares.items() if share > TOLERANCE}
+    coarse = {sensor: share for sensor, share in shares.items() if share > LARGEST_ROUNDING_SHARE}
     lines = [
         f'  {sensor}: off by about {share:.0e} of the correction in single precision '
-        f'({TOLERANCE:.0e} is wanted): its effects nearly cancel each other'
+        f'({LARGEST_ROUNDING_SHARE:.0e} is wanted): its effects nearly cancel each other'
         for sensor, share in coarse.items()
     ]
     if coarse:
@@ -150,7 +150,7 @@ def claim_files(folder: Path, *, force: bool) -> None:
     """Refuse to write the C form where one of its files exists, unless `force`."""
     if folder.exists() and not folder.is_dir():
         raise UserError(f'{folder} is a file: choose another -o')
-    for name in () if force else (*C99_FILES, VECTORS):
+    for name in () if force else (*C99_FILES, VECTORS_FILE):
         if (folder / name).exists():
             raise UserError(
                 f'{folder / name} exists already: choose another -o, or replace it with --force'
@@ -168,7 +168,9 @@ def _autopilot(
     model: ThermalModel, recordings: list[ImuRecording], options: argparse.Namespace
 ) -> Answer:
     px4 = options.to == 'px4'
-    known = [sensor for sensor in (LETTERS if px4 else NAMES) if sensor in model.sensors]
+    known = [
+        sensor for sensor in (SENSOR_LETTERS if px4 else SENSOR_NAMES) if sensor in model.sensors
+    ]
     if not known:
         raise UserError(f'{options.model}: neither accelerometer nor gyroscope: nothing to export')
     held_out: Mapping[Sensor, tuple[FloatArray, FloatArray]] = {}
@@ -241,7 +243,9 @@ def _to_do(
     """Return what the autopilot needs beside the file."""
     lines = ['load it, reboot, then calibrate the offsets anew: they hold at one temperature']
     flags = {'accelerometer': '--accel-id', 'gyroscope': '--gyro-id'}
-    missing = [f'TC_{LETTERS[s]}{options.instance}_ID ({flags[s]})' for s in known if s not in ids]
+    missing = [
+        f'TC_{SENSOR_LETTERS[s]}{options.instance}_ID ({flags[s]})' for s in known if s not in ids
+    ]
     if options.to == 'px4' and missing:
         lines.append(
             f'not in the file: {", ".join(missing)}; PX4 applies nothing until the ID is that of '

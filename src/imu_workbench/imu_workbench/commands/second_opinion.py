@@ -20,7 +20,7 @@ from thermal_comp.data.motion import refuse_moving
 from thermal_comp.data.quality import check_recording
 from thermal_comp.presentation.display import shown
 from thermal_comp.presentation.second_opinion import opinion_picture
-from thermal_comp.second_opinion.autopilot_fit import FITS, Autopilot
+from thermal_comp.second_opinion.autopilot_fit import AUTOPILOT_FITS, Autopilot
 from thermal_comp.second_opinion.opinion import (
     OtherLogs,
     SecondOpinion,
@@ -45,7 +45,7 @@ EPILOG = (
     '  python -m imu_workbench second-opinion monday.ulg friday.ulg\n'
     '  python -m imu_workbench second-opinion warmup/imu0 --autopilot ardupilot'
 )
-NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
+AUTOPILOT_NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
 UNITS: dict[Sensor, tuple[float, str]] = {
     'accelerometer': (1e3 / STANDARD_GRAVITY, 'mg'),
     'gyroscope': (180.0 / np.pi, '°/s'),
@@ -63,7 +63,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('logs', metavar='LOG', type=Path, nargs='+', help='.ulg, .bin or a bag')
     parser.add_argument(
-        '--autopilot', choices=tuple(FITS), help='whose curves; without it that of the log'
+        '--autopilot',
+        choices=tuple(AUTOPILOT_FITS),
+        help='whose curves; without it that of the log',
     )
     parser.add_argument('--plot', metavar='FILE', type=Path, help='draw it (.png, .svg, .pdf)')
     parser.add_argument('--seed', type=int, default=0, help='of what is drawn (%(default)s)')
@@ -171,7 +173,7 @@ def verdict(opinion: SecondOpinion) -> list[str]:
         if worst <= GOOD_NOISE_RATIO
         else f'{shown(worst, 2)} times what noise would leave'
     )
-    name = NAMES[opinion.autopilot]
+    name = AUTOPILOT_NAMES[opinion.autopilot]
     each = '; '.join(
         f'{sensor} {_in_units(sensor, rms_of(part.held_out))}, '
         f'nothing subtracted {_in_units(sensor, rms_of(part.raw))}'

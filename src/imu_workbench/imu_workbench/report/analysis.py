@@ -17,7 +17,8 @@ from thermal_comp.data.motion import resting
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs
-from thermal_comp.diagnosis.growth import Growth, add_effect
+from thermal_comp.diagnosis.grown_model import Growth
+from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.noise_level import NoiseReference
@@ -35,7 +36,7 @@ from imu_workbench.report.attitude import AttitudeTask, FilterAttitude, after_st
 from imu_workbench.report.modelled import RunErrors, errors_of_run
 from imu_workbench.report.slopes import block_slopes
 
-UNNAMED = 'device'
+UNNAMED_DEVICE = 'device'
 """Name of a device whose recordings name none."""
 
 
@@ -182,7 +183,7 @@ def fit_devices(
         show_progress(f'fitting {name} …')
         own = [recording for recording in recordings if recording.device == name]
         device, runs = analyse_device(name, own, models.get(name))
-        devices[name] = replace(device, note=unnamed) if name == UNNAMED else device
+        devices[name] = replace(device, note=unnamed) if name == UNNAMED_DEVICE else device
         prepared += runs
     return devices, prepared
 
@@ -235,7 +236,7 @@ def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
         name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run'
         seen[name] = seen.get(name, 0) + 1
         unique = name if seen[name] == 1 else f'{name} ({seen[name]})'
-        device = recording.device or recording.namespace.strip('/') or UNNAMED
+        device = recording.device or recording.namespace.strip('/') or UNNAMED_DEVICE
         result.append(replace(recording, run=unique, device=device))
     return result
 
@@ -246,8 +247,8 @@ def unnamed_note(recordings: Sequence[ImuRecording]) -> str:
     if len(unnamed) < 2:
         return ''
     return (
-        f'{len(unnamed)} bags name no device and are taken as one, {UNNAMED!r}: right for one '
-        'device in several runs, wrong for several; then report them one at a time'
+        f'{len(unnamed)} bags name no device and are taken as one, {UNNAMED_DEVICE!r}: right for '
+        'one device in several runs, wrong for several; then report them one at a time'
     )
 
 

@@ -15,7 +15,8 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_prepared
-from thermal_comp.diagnosis.growth import MOST_STEPS, Growth, add_effect
+from thermal_comp.diagnosis.grown_model import Growth
+from thermal_comp.diagnosis.growth import MOST_STEPS, add_effect
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -29,7 +30,7 @@ from imu_workbench.report.error_steps import degree_steps, degrees
 from imu_workbench.report.model_content import version_names
 from imu_workbench.report.modelled import errors_of_run, failure_map_of
 
-NAMES = {'complementary': 'complementary filter', 'ahrs': 'AHRS'}
+FILTER_NAMES = {'complementary': 'complementary filter', 'ahrs': 'AHRS'}
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +151,9 @@ def growth_lines(content: dict[str, Any]) -> list[str]:
         )
     for name, part in degree_steps(content).items():
         errors = '° → '.join(shown(step['error']) for step in part['steps'])
-        lines.append(f'  in degrees       {errors}°: {NAMES.get(name, name)}{_mark(content)}')
+        lines.append(
+            f'  in degrees       {errors}°: {FILTER_NAMES.get(name, name)}{_mark(content)}'
+        )
     floors = [f'{shown(p["floor"])} {p["unit"]} ({s})' for s, p in content['sensors'].items()]
     left = [f'{p["steps"][-1]["error"] / p["floor"]:.2f}' for p in content['sensors'].values()]
     lines.append(f'  noise floor      {", ".join(floors)}; {", ".join(left)} × that is left')

@@ -6,9 +6,9 @@ from __future__ import annotations
 import re
 from html import escape
 
-from thermal_comp.presentation.words import WORDS
+from thermal_comp.presentation.words import VERDICT_SENTENCES
 
-KEYS = {
+ENTRY_OF_WORD = {
     'noise': 'noise_floor',
     'noise floor': 'noise_floor',
     'held out': 'held_out_rms',
@@ -23,8 +23,8 @@ KEYS = {
     'error staircase': 'staircase',
     'coefficients': 'coefficients',
 }
-"""Word of the page in lower case → its entry in WORDS or OWN."""
-OWN = {
+"""Word of the page in lower case → its entry in VERDICT_SENTENCES or PAGE_WORDS."""
+PAGE_WORDS = {
     'prediction': 'The cause is undecided: the effect only lowers the error on parts of the runs '
     'the fit has not seen. It corrects runs like these and says nothing of the physics.',
     'left': 'Measured minus modelled error: what the model leaves, as means over short blocks.',
@@ -38,7 +38,9 @@ OWN = {
     'with one standard deviation.',
 }
 """Words that only the page has."""
-LONGEST_FIRST = re.compile('|'.join(sorted(map(re.escape, KEYS), key=len, reverse=True)), re.I)
+WORD_PATTERN = re.compile(
+    '|'.join(sorted(map(re.escape, ENTRY_OF_WORD), key=len, reverse=True)), re.I
+)
 
 
 def word(text: str, meant: str = '') -> str:
@@ -46,8 +48,8 @@ def word(text: str, meant: str = '') -> str:
 
     `meant` is the word where the text is a number of it.
     """
-    key = KEYS[(meant or text).lower()]
-    meaning = OWN.get(key) or WORDS[key]
+    key = ENTRY_OF_WORD[(meant or text).lower()]
+    meaning = PAGE_WORDS.get(key) or VERDICT_SENTENCES[key]
     return (
         f'<span class="word" tabindex="0">{escape(text)}'
         f'<span class="meaning" role="tooltip">{escape(meaning)}</span></span>'
@@ -56,4 +58,4 @@ def word(text: str, meant: str = '') -> str:
 
 def with_help(title: str) -> str:
     """Return HTML of a title whose technical words explain themselves, each once."""
-    return LONGEST_FIRST.sub(lambda found: word(found.group()), title)
+    return WORD_PATTERN.sub(lambda found: word(found.group()), title)

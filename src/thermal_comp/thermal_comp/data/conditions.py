@@ -30,7 +30,7 @@ TABLE_ORDER: tuple[Sensor, ...] = ('gyroscope', 'accelerometer', 'magnetometer')
 REFERENCE_TEMPERATURE = 20.0
 """Die temperature [°C] the coefficients refer to (T_A of Betta et al. 2022, Table I)."""
 
-EARTH_RATE = 7.292115e-5
+EARTH_RATE_RAD_S = 7.292115e-5
 """Rotation of the Earth [rad/s] (WGS 84)."""
 LEAST_FIELD_T = 1e-5
 """Least field that is Earth's [T]: 22 to 67 µT outside, less in a chamber of steel."""

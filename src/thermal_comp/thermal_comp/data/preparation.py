@@ -101,54 +101,66 @@ def prepare_run(
     truth: Truth = resting_conditions,
 ) -> PreparedRun:
     """Return the prepared run of one recording."""
+    whole = _longest_stretch(recording, name)
+    started = cut_startup(whole)
+    notes = list(started.notes)
+    if truth is resting_conditions:  # in motion a single row may truly differ from its neighbours
+        started, damaged = without_damage(started)
+        notes += damaged
+    measured = measured_temperature(started)
+    origin = int(whole.stamp[0])
+    period = block_length(measured) if period is None else period
+    fine, counted = fine_rows(measured, origin, min(period, FINE_PERIOD_S))
+    sampled = len(fine) == len(measured)
+    fine, filled = complete(_with_known_temperature(fine, name, notes))
+    notes += [*counted, *filled]
+    fine = without_cycle_ends(fine)
+    conditions = truth(fine)
+    since_origin = conditions.time + (fine.stamp[0] - origin) * 1e-9
+    unblocked = PreparedRun(
+        name=name,
+        device=recording.device,
+        conditions=replace(conditions, time=since_origin),
+        starts=np.zeros((0, 2), dtype=np.int64),
+        slot=np.zeros(0, dtype=np.int64),
+        period=period,
+        measured={},
+        fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
+        cv_group=np.zeros(0, dtype=np.int64),
+        has_cycles=False,
+        origin=origin,
+        sampled=sampled,
+        hash=columns_hash(whole),
+    )
+    run = in_blocks(unblocked, period)
+    notes += _block_notes(run, period)
+    return replace(run, notes=tuple(f'{name}: {note}' for note in notes))
+
+
+def _longest_stretch(recording: ImuRecording, name: str) -> ImuRecording:
+    """Return the longest stretch of rows whose clock did not step."""
     if len(recording) < 2:
         raise RecordingError(f'{name}: {len(recording)} rows are too few for a run')
     stretch, jumped = longest_stretch('samples', recording.stamp)
-    whole = recording.rows(stretch).with_notes(jumped) if jumped else recording
-    recording = cut_startup(whole)
-    notes = list(recording.notes)
-    if truth is resting_conditions:  # in motion a single row may truly differ from its neighbours
-        recording, damaged = without_damage(recording)
-        notes += damaged
-    recording = measured_temperature(recording)
-    origin = int(whole.stamp[0])
-    period = block_length(recording) if period is None else period
-    fine, counted = fine_rows(recording, origin, min(period, FINE_PERIOD_S))
-    sampled = len(fine) == len(recording)
-    notes += counted
+    return recording.rows(stretch).with_notes(jumped) if jumped else recording
+
+
+def _with_known_temperature(fine: ImuRecording, name: str, notes: Sequence[str]) -> ImuRecording:
+    """Return the rows with a die temperature; the error of none names a topic found instead."""
     known = np.isfinite(fine.temperature)
-    fine = fine.rows(known)
-    if not len(fine):
-        absent = f'no topic {TEMPERATURE_TOPIC}'
-        found = next((f'; {note}' for note in notes if note.startswith(absent)), '')
-        raise RecordingError(
-            f'{name}: no sample has a die temperature (topic {TEMPERATURE_TOPIC}){found}'
-        )
-    fine, filled = complete(fine)
-    notes += filled
-    fine = without_cycle_ends(fine)
-    offset = (fine.stamp[0] - origin) * 1e-9
-    conditions = truth(fine)
-    conditions = replace(conditions, time=conditions.time + offset)
-    run = in_blocks(
-        PreparedRun(
-            name=name,
-            device=recording.device,
-            conditions=conditions,
-            starts=np.zeros((0, 2), dtype=np.int64),
-            slot=np.zeros(0, dtype=np.int64),
-            period=period,
-            measured={},
-            fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
-            cv_group=np.zeros(0, dtype=np.int64),
-            has_cycles=False,
-            origin=origin,
-            sampled=sampled,
-            hash=columns_hash(whole),
-        ),
-        period,
+    if known.any():
+        return fine.rows(known)
+    absent = f'no topic {TEMPERATURE_TOPIC}'
+    found = next((f'; {note}' for note in notes if note.startswith(absent)), '')
+    raise RecordingError(
+        f'{name}: no sample has a die temperature (topic {TEMPERATURE_TOPIC}){found}'
     )
-    if 0 < period < run.period:
+
+
+def _block_notes(run: PreparedRun, wanted_period: float) -> list[str]:
+    """Return notes on what the blocks of a run hold, and on what was left out between them."""
+    notes = []
+    if 0 < wanted_period < run.period:
         notes.append(
             f'samples are {run.period:g} s apart: errors are on single samples, not on means'
         )
@@ -165,7 +177,7 @@ def prepare_run(
     if not run.has_cycles:
         count = int(run.cv_group.max(initial=0))
         notes.append(f'no thermal cycles: held out are {count} contiguous blocks of the run')
-    return replace(run, notes=tuple(f'{name}: {note}' for note in notes))
+    return notes
 
 
 def _finite_or_nan(values: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.logging_contract import SWITCHED_FIELDS
-from imu_recording.plausibility import FACTORS, POSSIBLE, rate_at_rest
+from imu_recording.plausibility import POSSIBLE_RANGES, UNIT_FACTORS, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
@@ -193,7 +193,7 @@ def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]
     """Return track, rows (n,) and a text for every track with impossible values."""
     found = []
     for name, text in IMPOSSIBLE_TEXTS.items():
-        low, high = POSSIBLE[name]
+        low, high = POSSIBLE_RANGES[name]
         values = getattr(recording, name)
         if values is None:
             continue
@@ -243,13 +243,13 @@ def _unit_of_norm(sensor: str, norm: float) -> str:
     low, high = PLAUSIBLE_NORMS.get(sensor, (0.0, np.inf))
     if low <= norm <= high:
         return ''
-    fits = (u for u, factor in FACTORS[sensor].items() if low <= norm / factor <= high)
+    fits = (u for u, factor in UNIT_FACTORS[sensor].items() if low <= norm / factor <= high)
     return next(fits, '')
 
 
 def _unit_of_ratio(sensor: str, ratio: float) -> str:
     """Return the unit whose factor is within two of the ratio of noises."""
-    fits = (u for u, factor in FACTORS[sensor].items() if 0.5 < ratio / factor < 2.0)
+    fits = (u for u, factor in UNIT_FACTORS[sensor].items() if 0.5 < ratio / factor < 2.0)
     return next(fits, '')
 
 

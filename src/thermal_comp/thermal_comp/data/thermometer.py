@@ -16,9 +16,9 @@ import numpy as np
 from imu_recording.logging_contract import THERMOMETER_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording
 from imu_recording.thermometer import (
-    CONSTANT_S,
+    LONGEST_CONSTANT_S,
     FEWEST_MEASUREMENTS,
-    MISSING_ROWS,
+    LEAST_MISSING_ROWS,
     is_constant,
     is_whole_degrees,
 )
@@ -27,7 +27,9 @@ from thermal_comp.data.defective_rows import BoolArray, some_rows
 from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 
-NEAREST_FIRST = sorted(THERMOMETER_FIELDS, key=lambda name: name != 'device_temperature')
+THERMOMETERS_NEAREST_FIRST = sorted(
+    THERMOMETER_FIELDS, key=lambda name: name != 'device_temperature'
+)
 """Other thermometers, that at the device before those in the chamber's air."""
 MISSING_SHARE = 0.005
 """Share of rows without a temperature from which that is a fault."""
@@ -97,14 +99,14 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
         return  # one clear error elsewhere
     lost = ~known
     lost[: int(np.argmax(known))] = False  # nothing was measured yet
-    if lost.sum() >= max(MISSING_ROWS, MISSING_SHARE * len(values)):
+    if lost.sum() >= max(LEAST_MISSING_ROWS, MISSING_SHARE * len(values)):
         text = f'no temperature in {int(lost.sum())} of {len(values)} rows: they fit nothing'
         yield InstrumentFault('thermometer_missing', lost, text)
     measured = _measured(recording)
     if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
-        if recording.time[-1] >= CONSTANT_S or _would_move(_possible_dies(recording), every):
+        if recording.time[-1] >= LONGEST_CONSTANT_S or _would_move(_possible_dies(recording), every):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, text)
         return
@@ -195,7 +197,7 @@ def copied_from(recording: ImuRecording) -> str:
 
 def wrong_scale(recording: ImuRecording) -> float:
     """Return the change of the die per kelvin around it where it is impossible, else 0 [K/K]."""
-    for name in NEAREST_FIRST:
+    for name in THERMOMETERS_NEAREST_FIRST:
         track = getattr(recording, name)
         if track is None:
             continue

@@ -24,7 +24,7 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 
 LARGEST_CHANCE = 1e-6
 """Probability with which chance alone changes the coefficients of one effect so much."""
-LEAST_SHARE = 0.25
+LEAST_CHANGE_FLOORS = 0.25
 """Change of the modelled error, in noise floors of a block, below which nothing is said."""
 
 
@@ -71,7 +71,7 @@ def _changed(
     wald = float(difference @ weight @ difference)
     share = _share(sensor, effect, after, old, new, runs, floor)
     evident = wald > float(chdtri(difference.size, LARGEST_CHANCE)) or moved
-    if not evident or share < LEAST_SHARE:
+    if not evident or share < LEAST_CHANGE_FLOORS:
         return
     power = float(old.ravel() @ weight @ old.ravel())
     ratio = float(old.ravel() @ weight @ new.ravel()) / max(power, 1e-300)

@@ -20,25 +20,25 @@ from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY, prob
 from thermal_comp.diagnosis.evidence.priors import NOTHING_PROBABILITY
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
+    DEFAULT_CHIP,
     REPORTED_EVIDENCE,
-    SHIPPED,
     NoiseReference,
     chip_references,
     is_shipped_chip,
     noise_above_reference,
 )
 from thermal_comp.diagnosis.result import Finding, RankedEffect, SensorState
-from thermal_comp.diagnosis.sensor_answer import UNNAMED, SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
 CLOCK_EVIDENCE = 15.0
 """Evidence from which a temperature coefficient of the clock is reported."""
-ORDINARY_CLOCK = 100e-6
+LARGEST_CLOCK_COEFFICIENT = 100e-6
 """Temperature coefficient up to which RC oscillators of MEMS sensors reach [1/K]."""
-MORE_THAN_NOISE = 1.1
+LEAST_ERROR_RATIO = 1.1
 """Held-out error over the noise floor from which a model leaves more than noise."""
-LISTED_WHERE = 6
+MOST_PLACES_LISTED = 6
 """Places named per sensor."""
 
 
@@ -57,7 +57,7 @@ def form_approximate(compared: Iterable[SensorComparison]) -> str:
     `compared` are the sensors it acts on, under the model with it.
     """
     worst = max(float(np.nanmax(part.held_out_rms / part.noise_floor)) for part in compared)
-    if worst > MORE_THAN_NOISE:
+    if worst > LEAST_ERROR_RATIO:
         return 'form approximate: its equation leaves more than noise'
     return 'form approximate: its equation is probably off, by less than the noise'
 
@@ -150,7 +150,7 @@ def _distance(one: Effect, other: Effect) -> float:
 def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) -> list[Finding]:
     """Return the finding of a sensor whose residual has no name."""
     kind = answer.kind
-    if kind not in UNNAMED:
+    if kind not in UNNAMED_CAUSES:
         return []
     before, likeliest = current.sensors[sensor], answer.likeliest
     if kind == 'unlogged':
@@ -170,7 +170,7 @@ def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) 
             sensor=sensor,
             evidence=answer.evidence(),
             threshold=answer.needed_evidence,
-            probability=answer.probability_of(UNNAMED[kind]),
+            probability=answer.probability_of(UNNAMED_CAUSES[kind]),
             depends_on=likeliest.depends_on,
             error_before=rms_of(before.held_out_rms),
             noise_floor=rms_of(before.noise_floor),
@@ -197,7 +197,7 @@ def noise_findings(
     if reference is None:
         if not is_shipped_chip(noise):
             return findings
-        reference = chip_references()[SHIPPED]
+        reference = chip_references()[DEFAULT_CHIP]
     for sensor, model in noise.items():
         if sensor not in reference.sensors:
             continue
@@ -231,7 +231,7 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
     """Return the temperature coefficient of the sampling clock as a finding, if it counts."""
     if clock is None or clock.evidence <= CLOCK_EVIDENCE:
         return []
-    ordinary = abs(clock.slope) <= ORDINARY_CLOCK
+    ordinary = abs(clock.slope) <= LARGEST_CLOCK_COEFFICIENT
     usual = ', as RC oscillators do; stamps hold it, no sensor fails for it' if ordinary else ''
     return [
         Finding(
@@ -323,7 +323,7 @@ def sensor_state(
         verdict = 'changed'
     elif loud and verdict == 'complete':
         verdict = 'noise_above_reference'
-    where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:LISTED_WHERE]
+    where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:MOST_PLACES_LISTED]
     return SensorState(
         verdict=verdict,
         residual_rms=tuple(map(float, compared.residual_rms)),
@@ -331,7 +331,8 @@ def sensor_state(
         noise_floor=tuple(map(float, compared.noise_floor)),
         unit=SENSOR_UNITS[sensor],
         where=tuple(
-            {**w.group, 'ratio': float(w.ratio)} for w in where or compared.where[:LISTED_WHERE]
+            {**w.group, 'ratio': float(w.ratio)}
+            for w in where or compared.where[:MOST_PLACES_LISTED]
         ),
         smallest_found=smallest_found(answer.hypotheses, answer.needed_evidence)
         if answer.kind == 'complete'

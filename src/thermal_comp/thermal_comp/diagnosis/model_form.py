@@ -45,7 +45,7 @@ MOST_ALTERNATIVES = 8
 """Alternatives, second parts apart, whose posterior is summed …"""
 NEGLIGIBLE_LOG_ODDS = 7.0
 """… and ln of the odds against the likeliest from which one does not count."""
-LEAST_STEP, LARGEST_STEP = 1e-6, 0.1
+LEAST_STEP_SHARE, LARGEST_STEP_SHARE = 1e-6, 0.1
 """First step of the grid of values, as a share of the range that is searched."""
 SMALL_ERROR_K = 1e-3
 """Errors of the temperature by which a model's derivative is formed."""
@@ -200,7 +200,7 @@ def _coordinates(
             std = part.shape_std[f'{effect.name}.{scale.name}'][scale.place or 0]
             step = std / scale.back(value) if scale.logarithmic else std
             span = float(np.ptp(scale.grid()))
-            step = float(np.clip(step, LEAST_STEP * span, LARGEST_STEP * span))
+            step = float(np.clip(step, LEAST_STEP_SHARE * span, LARGEST_STEP_SHARE * span))
             found.append(ShapeCoordinate(number, scale, float(value), step))
     return found
 

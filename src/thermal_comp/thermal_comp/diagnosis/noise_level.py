@@ -78,7 +78,7 @@ def _noise_of_row(row: Mapping[str, Any]) -> NoiseModel:
     return NoiseModel(np.full(3, row['white']), np.array([1.0]), np.full((1, 3), row['flicker']))
 
 
-SHIPPED = 'lsm9ds1'
+DEFAULT_CHIP = 'lsm9ds1'
 """Chip whose noise counts as normal where none is named."""
 
 
@@ -88,7 +88,7 @@ def is_shipped_chip(noise: Mapping[Sensor, NoiseModel]) -> bool:
     Where it is not, this is another chip, or its samples are too slow to tell: its noise is not
     to be measured by that of this one.
     """
-    known = chip_references()[SHIPPED].sensors
+    known = chip_references()[DEFAULT_CHIP].sensors
     ratios = [rms_of(model.white) / rms_of(known[sensor].white) for sensor, model in noise.items()]
     return 1.0 / SAME_CHIP_RATIO < float(np.median(ratios)) < SAME_CHIP_RATIO
 

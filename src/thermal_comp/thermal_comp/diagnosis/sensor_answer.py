@@ -26,7 +26,7 @@ MISSING_PROBABILITY = 0.85
 one false alarm."""
 FEWER_EFFECTS_ODDS = 0.5
 """Odds to the likeliest set from which one with an effect less is reported in its place."""
-UNNAMED = {'unexplained': NOT_IN_CATALOGUE, 'unlogged': UNLOGGED}
+UNNAMED_CAUSES = {'unexplained': NOT_IN_CATALOGUE, 'unlogged': UNLOGGED}
 """Name that stands for an unnamed cause in an explanation, by kind of answer."""
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
@@ -103,9 +103,11 @@ class SensorAnswer:
         kind = self.kind
         if kind == 'complete':
             return next(e for e in self.explanations if e.names == ())
-        if kind in UNNAMED:
-            return next(e for e in self.explanations if UNNAMED[kind] in e.names)
-        named = [e for e in self.explanations if e.names and not {*UNNAMED.values()} & {*e.names}]
+        if kind in UNNAMED_CAUSES:
+            return next(e for e in self.explanations if UNNAMED_CAUSES[kind] in e.names)
+        named = [
+            e for e in self.explanations if e.names and not {*UNNAMED_CAUSES.values()} & {*e.names}
+        ]
         said = named[0]
         while fewer := next((e for e in named if _one_fewer(e, said)), None):
             said = fewer
@@ -123,7 +125,7 @@ class SensorAnswer:
         )
 
     def probability_of(self, name: str) -> float:
-        """Return the probability that a set with this name acts; an effect or one of UNNAMED."""
+        """Return the probability that a set of this name acts, an effect or an unnamed cause."""
         return probability(self.explanations, lambda e: name in e.names)
 
     def set_of(self, components: Sequence[Component]) -> EffectSet:
@@ -149,7 +151,7 @@ class SensorAnswer:
 
 def _with_name(names: Names, name: str) -> Names:
     """Return the names of a set with one effect more; what has no name stands last."""
-    unnamed = {*UNNAMED.values()}
+    unnamed = {*UNNAMED_CAUSES.values()}
     known = sorted([*(n for n in names if n not in unnamed), name])
     return (*known, *(n for n in names if n in unnamed))
 

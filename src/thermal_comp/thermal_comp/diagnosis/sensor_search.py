@@ -21,7 +21,7 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
 from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
 from thermal_comp.diagnosis.noise_level import NoiseReference
-from thermal_comp.diagnosis.sensor_answer import UNNAMED, FoundElsewhere, SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, FoundElsewhere, SensorAnswer
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
@@ -131,7 +131,7 @@ class SensorSearches:
         Sensors that lack something without a name give no information. A sensor that lacks nothing
         is not searched again, nor one whose likeliest sets keep their evidence.
         """
-        understood = {s for s, a in found.items() if a.kind not in UNNAMED}
+        understood = {s for s, a in found.items() if a.kind not in UNNAMED_CAUSES}
         told = information_of_others(
             {s: (a.hypotheses, a.sets) for s, a in found.items()}, understood
         )
@@ -165,7 +165,7 @@ class SensorSearches:
             return {}
         first, *others = asked
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
-        if any(found[s].kind in UNNAMED for s in others):
+        if any(found[s].kind in UNNAMED_CAUSES for s in others):
             # What has no name in another sensor is no sign of an effect that this one feels.
             support = min(support, 0.0)
         sets = [s for s in found[first].sets if effect.name not in s.names]

@@ -20,8 +20,8 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.c_form import CForm, CFormError, Signals
 from thermal_comp.effects.effect import Campaign, Effect, Kin, State
 
-ROWS = 600
-CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
+EXAMPLE_ROWS = 600
+CUT_ROWS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 """Rows at which the example is cut into pieces."""
 RELATIONS = ('look_alikes', 'separated_by_cycles')
 """Attributes that name other effects."""
@@ -44,7 +44,7 @@ USER_MODULES = 'user_effects_'
 """Prefix of the names of modules that are read from files of a user's effects."""
 EXPLAINED_BY = ('mechanism', 'separation', 'typical_size', 'reference')
 """Texts that an effect of the catalogue has."""
-CAMPAIGN = Campaign(
+EXAMPLE_CAMPAIGN = Campaign(
     cycles=4,
     durations=(40_000.0,) * 3,
     times_before=(0.0, 60_000.0, 120_000.0),
@@ -101,31 +101,31 @@ def line_of(error: BaseException) -> str:
 def example_conditions(seed: int = 0, sensor: Sensor = 'accelerometer') -> Conditions:
     """Return irregularly sampled conditions of a short cycle in which every channel is present."""
     rng = np.random.default_rng(seed)
-    time = np.cumsum(rng.uniform(0.2, 40.0, ROWS)) + 100.0
-    swing = np.sin(2.0 * np.pi * np.arange(ROWS) / 300.0)
+    time = np.cumsum(rng.uniform(0.2, 40.0, EXAMPLE_ROWS)) + 100.0
+    swing = np.sin(2.0 * np.pi * np.arange(EXAMPLE_ROWS) / 300.0)
     up = np.array([0.3, -0.2, 9.8])
     field = np.array([1.8e-5, 0.6e-5, -4.0e-5])
-    switch = (rng.random(ROWS) > 0.5).astype(float)
+    switch = (rng.random(EXAMPLE_ROWS) > 0.5).astype(float)
     return Conditions(
         time=time,
-        temperature=20.0 + 30.0 * swing + rng.normal(0.0, 0.05, ROWS),
-        specific_force=up + rng.normal(0.0, 0.1, (ROWS, 3)),
-        angular_velocity=rng.normal(0.0, 0.1, (ROWS, 3)),
-        magnetic_field=np.tile(field, (ROWS, 1)),
+        temperature=20.0 + 30.0 * swing + rng.normal(0.0, 0.05, EXAMPLE_ROWS),
+        specific_force=up + rng.normal(0.0, 0.1, (EXAMPLE_ROWS, 3)),
+        angular_velocity=rng.normal(0.0, 0.1, (EXAMPLE_ROWS, 3)),
+        magnetic_field=np.tile(field, (EXAMPLE_ROWS, 1)),
         sensor=sensor,
         orientation=np.eye(3)[[1, 2, 0]],
         chamber_temperature=20.0 + 32.0 * swing,
         device_temperature=20.0 + 31.0 * swing,
         humidity=0.5 + 0.2 * swing,
-        pressure=101_325.0 + rng.normal(0.0, 100.0, ROWS),
+        pressure=101_325.0 + rng.normal(0.0, 100.0, EXAMPLE_ROWS),
         heater=switch,
         compressor=1.0 - switch,
-        fan=np.ones(ROWS),
-        supply_voltage=3.3 + rng.normal(0.0, 0.01, ROWS),
-        vibration=rng.uniform(0.0, 0.1, (ROWS, 3)),
+        fan=np.ones(EXAMPLE_ROWS),
+        supply_voltage=3.3 + rng.normal(0.0, 0.01, EXAMPLE_ROWS),
+        vibration=rng.uniform(0.0, 0.1, (EXAMPLE_ROWS, 3)),
         setpoint=20.0 + 30.0 * swing,
-        phase=np.full(ROWS, 3, dtype=np.int64),
-        cycle=1 + np.arange(ROWS, dtype=np.int64) // 200,
+        phase=np.full(EXAMPLE_ROWS, 3, dtype=np.int64),
+        cycle=1 + np.arange(EXAMPLE_ROWS, dtype=np.int64) // 200,
     )
 
 
@@ -228,7 +228,7 @@ def _problems_of_the_guess(effect: type[Effect]) -> list[str]:
 
 def _problems_of_the_search(effect: type[Effect]) -> list[str]:
     """Every form a search tries is the effect within its bounds; its parts make up its columns."""
-    tried = effect.search_grid(CAMPAIGN) if effect.searched else []
+    tried = effect.search_grid(EXAMPLE_CAMPAIGN) if effect.searched else []
     forms = [*(candidate.effect for candidate in tried), *effect.sample_forms()]
     if effect.searched and not tried:
         return ['search_grid has no form for runs of four cycles']
@@ -240,7 +240,7 @@ def _problems_of_the_search(effect: type[Effect]) -> list[str]:
                 return [f'search: {item.name} {getattr(form, item.name)} is outside its bounds']
     for candidate in tried:
         if candidate.run is not None and not (
-            effect.per_run and 0 <= candidate.run < len(CAMPAIGN.durations)
+            effect.per_run and 0 <= candidate.run < len(EXAMPLE_CAMPAIGN.durations)
         ):
             return [f'search_grid: run {candidate.run} needs coefficients per run, and the run']
     conditions = example_conditions(sensor=effect.sensors[0])
@@ -271,12 +271,13 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
     conditions = example_conditions(sensor=sensor)
     whole, _ = effect.columns(conditions, None)
     problems = []
-    if whole.ndim not in {2, 3} or len(whole) != ROWS or (whole.ndim == 3 and whole.shape[1] != 3):
-        return [f'columns have shape {whole.shape}, expected ({ROWS}, p) or ({ROWS}, 3, p)']
+    rows = EXAMPLE_ROWS
+    if whole.ndim not in {2, 3} or len(whole) != rows or (whole.ndim == 3 and whole.shape[1] != 3):
+        return [f'columns have shape {whole.shape}, expected ({rows}, p) or ({rows}, 3, p)']
     if not np.isfinite(whole).all():
         problems.append(f'columns for the {sensor} are not finite')
     tolerance = 1e-9 * max(float(np.abs(whole).max()), 1e-300)
-    for cuts in CUTS:
+    for cuts in CUT_ROWS:
         try:
             pieces = columns_in_pieces(effect, conditions, cuts)
         except (ValueError, IndexError, TypeError) as error:

@@ -306,7 +306,7 @@ def _columns_at(effect: Effect, name: str, conditions: Conditions, value: float)
     return replace(effect, **shape).columns(conditions)[0]
 
 
-EDGE_K = 0.01
+EDGE_STEP_K = 0.01
 """Step within a range over which a slope at its edge is taken [K]."""
 
 
@@ -322,10 +322,10 @@ def columns_from(
     beyond = temperature - held
     if not effect.bends or not beyond.any():
         return effect.columns(conditions, state)
-    within = held - EDGE_K * np.sign(beyond)
+    within = held - EDGE_STEP_K * np.sign(beyond)
     at_edge, after = effect.columns(replace(conditions, temperature=held), state)
     inside, _ = effect.columns(replace(conditions, temperature=within), state)
-    share = (np.abs(beyond) / EDGE_K).reshape(-1, *[1] * (at_edge.ndim - 1))
+    share = (np.abs(beyond) / EDGE_STEP_K).reshape(-1, *[1] * (at_edge.ndim - 1))
     return at_edge + share * (at_edge - inside), after
 
 

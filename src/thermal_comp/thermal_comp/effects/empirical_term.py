@@ -15,7 +15,7 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State, shape_parameter
 from thermal_comp.effects.operators import follow, play
 
-DEGREES = tuple(range(2, 10))
+POLYNOMIAL_DEGREES = tuple(range(2, 10))
 """Degrees of the Legendre polynomials in temperature; a line is an effect of its own."""
 LAGS_S = tuple(np.geomspace(10.0, 5000.0, 10).tolist())
 """Lags [s]: from the rate of a package to an enclosure that is soaked."""
@@ -27,9 +27,11 @@ HALF_WIDTHS_K = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Half-widths of plays [K]."""
 DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
 """Time constants of decays since power-on [s]."""
-GROUPS = np.repeat(np.arange(4), (len(DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S)))
+COLUMN_GROUPS = np.repeat(
+    np.arange(4), (len(POLYNOMIAL_DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S))
+)
 """(p,) group of each column: temperature, lags, branches, time since power-on."""
-GROUP_COUNT = int(GROUPS[-1]) + 1
+GROUP_COUNT = int(COLUMN_GROUPS[-1]) + 1
 """Number of groups of columns."""
 
 
@@ -51,7 +53,7 @@ class Empirical(Effect):
     middle: float = shape_parameter(20.0, unit='°C', bounds=(-100.0, 150.0), given=True)
     half_range: float = shape_parameter(30.0, unit='K', bounds=(1.0, 150.0), given=True)
     deviations: tuple[float, ...] = shape_parameter(
-        (1.0,) * 3 * (int(GROUPS[-1]) + 1), unit='1', bounds=(0.0, 1e6), given=True
+        (1.0,) * 3 * (int(COLUMN_GROUPS[-1]) + 1), unit='1', bounds=(0.0, 1e6), given=True
     )
     """Prior standard deviations of the coefficients: group by group, each of three axes [unit]."""
 
@@ -94,11 +96,11 @@ class Empirical(Effect):
         time, temperature = conditions.time, conditions.temperature
         with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
         lag_states, play_states = state or ((None,) * len(LAGS_S), (None,) * len(HALF_WIDTHS_K))
-        parts = [np.zeros((len(time), int(width))) for width in np.bincount(GROUPS)]
+        parts = [np.zeros((len(time), int(width))) for width in np.bincount(COLUMN_GROUPS)]
         if with_curves:
             x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
-            every = legendre.legvander(x, DEGREES[-1])[:, DEGREES[0] :]
-            parts[0] = every * (2.0 / np.array(DEGREES)) ** 2
+            every = legendre.legvander(x, POLYNOMIAL_DEGREES[-1])[:, POLYNOMIAL_DEGREES[0] :]
+            parts[0] = every * (2.0 / np.array(POLYNOMIAL_DEGREES)) ** 2
         if with_lags:
             followed = [
                 follow(time, temperature, lag, before)
@@ -141,21 +143,21 @@ class Empirical(Effect):
             since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
             expressions += [c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S]
         lags = (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S))[:, None] * LAG_ROOT / self.half_range
-        curves = np.diag((2.0 / np.array(DEGREES)) ** 2)
+        curves = np.diag((2.0 / np.array(POLYNOMIAL_DEGREES)) ** 2)
         branches = np.eye(len(HALF_WIDTHS_K)) / self.half_range
         mixing = block_diag(curves, lags, branches, np.eye(len(DECAYS_S)))
-        return CColumns(expressions, mixing[np.array(self._groups_in_use())[GROUPS]])
+        return CColumns(expressions, mixing[np.array(self._groups_in_use())[COLUMN_GROUPS]])
 
     def _c_polynomials(self, c: CForm) -> list[str]:
         """Return the Legendre polynomials by Bonnet's recursion."""
         middle, half_range = c.number(self.middle), c.number(self.half_range)
         x = c.let(c.clip(f'({c.temperature} - {middle}) / {half_range}', -1.0, 1.0))
         powers = [c.number(1.0), x]
-        for k in range(1, DEGREES[-1]):
+        for k in range(1, POLYNOMIAL_DEGREES[-1]):
             up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
             powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
-        return [powers[degree] for degree in DEGREES]
+        return [powers[degree] for degree in POLYNOMIAL_DEGREES]
 
     def coefficient_deviations(self) -> FloatArray:
         """Return (p, 3) prior standard deviations of the coefficients [unit]."""
-        return np.array(self.deviations).reshape(-1, 3)[GROUPS]
+        return np.array(self.deviations).reshape(-1, 3)[COLUMN_GROUPS]

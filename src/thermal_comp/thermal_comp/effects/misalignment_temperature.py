@@ -13,7 +13,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import FLIP_ACTION, Effect, Kin, State
 
-PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+AXIS_PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Erring axis i and input axis j of each coefficient."""
 
 
@@ -55,18 +55,18 @@ class MisalignmentTemperature(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 3, 6): x · u_j on axis i, in the order of `PAIRS`."""
+        """Return (n, 3, 6): x · u_j on axis i, in the order of `AXIS_PAIRS`."""
         product = conditions.temperature_difference[:, None] * conditions.true_input
-        columns = np.zeros((len(conditions), 3, len(PAIRS)))
-        for k, (i, j) in enumerate(PAIRS):
+        columns = np.zeros((len(conditions), 3, len(AXIS_PAIRS)))
+        for k, (i, j) in enumerate(AXIS_PAIRS):
             columns[:, i, k] = product[:, j]
         return columns, None
 
     def c_columns(self, c: CForm) -> CColumns:
-        """Return x · u_j on axis i, in the order of `PAIRS`."""
+        """Return x · u_j on axis i, in the order of `AXIS_PAIRS`."""
         x = c.temperature_difference
         columns = []
-        for i, j in PAIRS:
+        for i, j in AXIS_PAIRS:
             product = f'{x} * {c.true_input(j)}'
             columns.append((product * (i == 0), product * (i == 1), product * (i == 2)))
         return CColumns(columns)

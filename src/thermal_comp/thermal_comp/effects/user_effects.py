@@ -19,7 +19,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import USER_MODULES, check_effect
 from thermal_comp.effects.effect import Effect
 
-GROUP = 'thermal_comp.effects'
+ENTRY_POINT_GROUP = 'thermal_comp.effects'
 """Entry point group; each entry is an Effect class."""
 
 
@@ -34,7 +34,7 @@ def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effe
     file of the catalogue, or a copy of one, is welcome.
     """
     catalogue = dict(EFFECTS)
-    for entry in entry_points(group=GROUP):
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
         effect = entry.load()
         _include(catalogue, effect, f'entry point {entry.name}', {*catalogue, effect.name})
     for file in _listed(files):

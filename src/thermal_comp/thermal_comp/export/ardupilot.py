@@ -14,15 +14,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.export.cubic import ORDER, Cubic
+from thermal_comp.export.cubic import POLYNOMIAL_ORDER, Cubic
 from thermal_comp.export.px4 import shortest
 from thermal_comp.model.values import ModelError
 
-NAMES: Mapping[Sensor, str] = {'accelerometer': 'ACC', 'gyroscope': 'GYR'}
+SENSOR_NAMES: Mapping[Sensor, str] = {'accelerometer': 'ACC', 'gyroscope': 'GYR'}
 """Sensors in the names of parameters."""
 REFERENCE_TEMPERATURE = 35.0
 """[°C]."""
-SCALE = 1e6
+PARAMETER_PER_COEFFICIENT = 1e6
 """Parameter over coefficient."""
 LOWEST_C, HIGHEST_C = -70.0, 80.0
 """Least TMIN and greatest TMAX [°C]."""
@@ -33,7 +33,7 @@ def ardupilot_text(cubics: Mapping[Sensor, Cubic], instance: int, label: str) ->
 
     Both sensors share TMIN and TMAX: the range that both were fitted in.
     """
-    known = {sensor: cubics[sensor] for sensor in NAMES if sensor in cubics}
+    known = {sensor: cubics[sensor] for sensor in SENSOR_NAMES if sensor in cubics}
     low = max([LOWEST_C, *(c.low for c in known.values())])
     high = min([HIGHEST_C, *(c.high for c in known.values())])
     prefix = f'INS_TCAL{instance + 1}'
@@ -43,13 +43,15 @@ def ardupilot_text(cubics: Mapping[Sensor, Cubic], instance: int, label: str) ->
         f'{prefix}_TMIN {shortest(low)}',
         f'{prefix}_TMAX {shortest(high)}',
     ]
-    for sensor, name in NAMES.items():
-        scaled = np.zeros((ORDER + 1, 3))
+    for sensor, name in SENSOR_NAMES.items():
+        scaled = np.zeros((POLYNOMIAL_ORDER + 1, 3))
         if sensor in known:
-            scaled = SCALE * known[sensor].about(REFERENCE_TEMPERATURE).coefficients
+            scaled = (
+                PARAMETER_PER_COEFFICIENT * known[sensor].about(REFERENCE_TEMPERATURE).coefficients
+            )
         lines += [
             f'{prefix}_{name}{power}_{axis} {shortest(float(scaled[power, k]))}'
-            for power in range(1, ORDER + 1)
+            for power in range(1, POLYNOMIAL_ORDER + 1)
             for k, axis in enumerate('XYZ')
         ]
     return '\n'.join(lines) + '\n'
@@ -61,11 +63,14 @@ def read_ardupilot(text: str, instance: int) -> dict[Sensor, Cubic]:
     values = {cells[0]: float(cells[1]) for cells in lines if cells and cells[0][0] != '#'}
     prefix = f'INS_TCAL{instance + 1}'
     cubics: dict[Sensor, Cubic] = {}
-    for sensor, name in NAMES.items():
+    for sensor, name in SENSOR_NAMES.items():
         try:
             powers = [
-                [values[f'{prefix}_{name}{power}_{axis}'] / SCALE for axis in 'XYZ']
-                for power in range(1, ORDER + 1)
+                [
+                    values[f'{prefix}_{name}{power}_{axis}'] / PARAMETER_PER_COEFFICIENT
+                    for axis in 'XYZ'
+                ]
+                for power in range(1, POLYNOMIAL_ORDER + 1)
             ]
             low, high = values[f'{prefix}_TMIN'], values[f'{prefix}_TMAX']
         except KeyError as missing:

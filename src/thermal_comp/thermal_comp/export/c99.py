@@ -16,11 +16,11 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Sensor, settled_conditions
 from thermal_comp.effects.c_form import CColumns, CForm, Kind, Signal, Signals
-from thermal_comp.effects.effect import EDGE_K, Effect
+from thermal_comp.effects.effect import EDGE_STEP_K, Effect
 from thermal_comp.model.file import model_label
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
-FUNCTIONS = {
+C_FUNCTIONS = {
     'clip(': """
 static imu_thermal_real clip(imu_thermal_real value, imu_thermal_real low, imu_thermal_real high)
 {
@@ -140,7 +140,7 @@ def c99_of(model: ThermalModel) -> C99:
     acting = [s for s in SENSORS if s in model.sensors and model.sensors[s].device_terms()]
     bodies = {sensor: _sensor_function(model, sensor, signals) for sensor in acting}
     code = ''.join([_advance_function(signals), *bodies.values()])
-    functions = ''.join([*(text for call, text in FUNCTIONS.items() if call in code), code])
+    functions = ''.join([*(text for call, text in C_FUNCTIONS.items() if call in code), code])
     count = Counter(signal.kind for signal in signals.listed)
     label = _comment(model_label(model))
     header = _template('imu_thermal.h.in').substitute(
@@ -284,9 +284,9 @@ def _straight_on(
             effect.columns(settled_conditions(limit - shift, reference_temperature).of(sensor))[0][
                 0
             ]
-            for shift in (0.0, sign * EDGE_K)
+            for shift in (0.0, sign * EDGE_STEP_K)
         )
-        slope = sign * ((at_edge - inside) / EDGE_K @ coefficients)
+        slope = sign * ((at_edge - inside) / EDGE_STEP_K @ coefficients)
         lines.append(f'if (temperature {"<" if sign < 0.0 else ">"} REAL({float(limit)!r})) {{')
         lines += [
             f'  error[{axis}] += REAL({float(value)!r}) * (temperature - held);'

@@ -19,7 +19,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
-ORDER = 3
+POLYNOMIAL_ORDER = 3
 """Order of the polynomial."""
 RATE_C_PER_MIN = 2.0
 """Ramps of the cycles in which cubic and model are compared [°C/min]."""
@@ -52,16 +52,17 @@ class Cubic:
     def about(self, reference: float) -> Cubic:
         """Return the same polynomial in powers of the distance from another temperature [°C]."""
         shift = reference - self.reference
+        powers = range(POLYNOMIAL_ORDER + 1)
         moved = np.array([
-            sum(comb(k, j) * shift ** (k - j) * self.coefficients[k] for k in range(j, ORDER + 1))
-            for j in range(ORDER + 1)
+            sum(comb(k, j) * shift ** (k - j) * self.coefficients[k] for k in powers[j:])
+            for j in powers
         ])  # fmt: skip
         return replace(self, coefficients=moved, reference=reference)
 
     def error(self, temperature: FloatArray) -> FloatArray:
         """Return the (n, 3) error [unit] at temperatures [°C]."""
         x = np.clip(temperature, self.low, self.high) - self.reference
-        powers = x[:, None] ** np.arange(ORDER + 1)
+        powers = x[:, None] ** np.arange(POLYNOMIAL_ORDER + 1)
         error: FloatArray = powers @ self.coefficients
         return error
 
@@ -194,8 +195,8 @@ def _cubic_of(temperature: FloatArray, error: FloatArray) -> Cubic:
     low, high = float(temperature.min()), float(temperature.max())
     middle, span = 0.5 * (low + high), high - low
     x = (temperature - middle) / span
-    fitted = np.linalg.lstsq(x[:, None] ** np.arange(ORDER + 1), error)[0]
-    coefficients = fitted / span ** np.arange(ORDER + 1)[:, None]
+    fitted = np.linalg.lstsq(x[:, None] ** np.arange(POLYNOMIAL_ORDER + 1), error)[0]
+    coefficients = fitted / span ** np.arange(POLYNOMIAL_ORDER + 1)[:, None]
     return Cubic(coefficients=coefficients, reference=middle, low=low, high=high)
 
 

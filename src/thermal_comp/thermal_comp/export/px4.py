@@ -13,10 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.export.cubic import ORDER, Cubic
+from thermal_comp.export.cubic import POLYNOMIAL_ORDER, Cubic
 from thermal_comp.model.values import ModelError
 
-LETTERS: Mapping[Sensor, str] = {'accelerometer': 'A', 'gyroscope': 'G'}
+SENSOR_LETTERS: Mapping[Sensor, str] = {'accelerometer': 'A', 'gyroscope': 'G'}
 """Sensors in the names of parameters."""
 INSTANCES = range(4)
 """Instances of a sensor that have parameters."""
@@ -29,7 +29,7 @@ def px4_text(
 ) -> str:
     """Return the parameter file; `instance` counts from 0, `ids` are the sensors' device IDs."""
     rows: list[tuple[str, str, int]] = []
-    for sensor, letter in LETTERS.items():
+    for sensor, letter in SENSOR_LETTERS.items():
         if sensor not in cubics:
             continue
         cubic, prefix = cubics[sensor], f'TC_{letter}{instance}'
@@ -37,7 +37,7 @@ def px4_text(
         if sensor in ids:
             rows.append((f'{prefix}_ID', str(ids[sensor]), INTEGER_TYPE))
         reals = {'TMIN': cubic.low, 'TMAX': cubic.high, 'TREF': cubic.reference}
-        for power in range(ORDER + 1):
+        for power in range(POLYNOMIAL_ORDER + 1):
             for axis in range(3):
                 reals[f'X{power}_{axis}'] = float(cubic.coefficients[power, axis])
         rows += [(f'{prefix}_{name}', shortest(value), REAL_TYPE) for name, value in reals.items()]
@@ -54,13 +54,14 @@ def read_px4(text: str, instance: int) -> dict[Sensor, Cubic]:
         if len(cells) == 5 and not line.startswith('#'):
             values[cells[2]] = float(cells[3])
     cubics: dict[Sensor, Cubic] = {}
-    for sensor, letter in LETTERS.items():
+    for sensor, letter in SENSOR_LETTERS.items():
         prefix = f'TC_{letter}{instance}'
         if f'{prefix}_TREF' not in values:
             continue
         try:
             powers = [
-                [values[f'{prefix}_X{k}_{axis}'] for axis in range(3)] for k in range(ORDER + 1)
+                [values[f'{prefix}_X{k}_{axis}'] for axis in range(3)]
+                for k in range(POLYNOMIAL_ORDER + 1)
             ]
             low, high = values[f'{prefix}_TMIN'], values[f'{prefix}_TMAX']
         except KeyError as missing:

@@ -20,7 +20,7 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 
 ROUNDING_PER_TERM = 2.0 * 2.0**-24
 """Error of a term, as a share of its size: two roundings, as measured (test_c99.py)."""
-TOLERANCE = 1e-5
+LARGEST_ROUNDING_SHARE = 1e-5
 """Share of the correction's range that single precision may be off by."""
 
 

@@ -13,7 +13,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
+from thermal_comp.effects.empirical_term import COLUMN_GROUPS, GROUP_COUNT, Empirical
 from thermal_comp.fitting.part_sums import PartSums, part_sums
 from thermal_comp.linear.design import prior_precision
 from thermal_comp.linear.normal_equations import taken_out
@@ -73,7 +73,7 @@ def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> 
     for part in sums.parts():
         columns, penalty = sums.known, np.zeros((3, len(sums.known)))
         if part in widths:
-            prior = prior_precision(widths[part][GROUPS])
+            prior = prior_precision(widths[part][COLUMN_GROUPS])
             columns = np.concatenate([columns, own])
             penalty = np.concatenate([penalty, prior.T], axis=1)
         left.append(sums.errors(part, columns, penalty))
@@ -86,7 +86,9 @@ def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:
     found = np.zeros((GROUP_COUNT, 3))
     for axis in range(3):
         left = taken_out(training[axis], sums.known)[0]
-        powers = np.array([np.diag(left)[own[g == GROUPS]].sum() for g in range(GROUP_COUNT)])
+        powers = np.array(
+            [np.diag(left)[own[g == COLUMN_GROUPS]].sum() for g in range(GROUP_COUNT)]
+        )
         unit = np.sqrt(rows / np.maximum(powers, 1e-300))
         everywhere = [_climbed(left, own, unit, rows, start) for start in (0, 2)]
         levels = max(everywhere, key=lambda found: found[1])[0]
@@ -120,7 +122,7 @@ def _log_likelihood(
     left: FloatArray, own: IntArray, unit: FloatArray, rows: int, levels: tuple[int, ...]
 ) -> float:
     """Return ln of the marginal likelihood and the prior of the levels; noise is integrated."""
-    scale = (np.array([WIDTH_LEVELS[k] for k in levels]) * unit)[GROUPS]
+    scale = (np.array([WIDTH_LEVELS[k] for k in levels]) * unit)[COLUMN_GROUPS]
     on = scale > 0.0
     value = sum(
         np.log(GROUP_PROBABILITY / (len(WIDTH_LEVELS) - 1) if k else 1.0 - GROUP_PROBABILITY)

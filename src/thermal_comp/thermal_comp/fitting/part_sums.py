@@ -116,52 +116,27 @@ def part_sums(
     """
     groups, cycles = _parts_of(runs, sensor)
     effects = (*known, *further)
-    measured = [_columns(runs, sensor, effect) for effect in effects]
-    smoothed = [_columns([run.smoothed for run in runs], sensor, effect) for effect in effects]
-    decays = np.cumsum([len(runs), *(run.after_gaps.shape[1] for run in runs)])
-    starts = np.cumsum([decays[-1], *(parts[0].shape[2] for parts in measured)])
-    width = int(starts[-1]) + 1
-    own = list(range(len(runs), int(decays[-1]))) + [
-        j
-        for k, effect in enumerate(known)
-        if effect.per_run
-        for j in range(int(starts[k]), int(starts[k + 1]))
-    ]
+    measured = _Tables.of(runs, sensor, effects)
+    smoothed = _Tables.of([run.smoothed for run in runs], sensor, effects)
+    own = measured.own_of_runs(len(known))
     still = noise.variance_of_means(runs[0].period)
     white, plain, rows, part, number = [], [], [], [], []
     for r, run in enumerate(runs):
-        values = run.measured[sensor]
         valid = run.valid(sensor)
-        level = np.nanmean(values, axis=0)
         for p in np.unique(groups[r][valid]).tolist():
             here = valid & (groups[r] == p)
-            fitted = np.zeros((3, int(here.sum()), width))
-            fitted[:, :, r] = 1.0
-            fitted[:, :, decays[r] : decays[r + 1]] = run.after_gaps[here]
-            fitted[:, :, -1] = (values[here] - level).T
-            table = fitted.copy()
-            for k in range(len(effects)):
-                place = slice(int(starts[k]), int(starts[k + 1]))
-                fitted[:, :, place] = smoothed[k][r][here].transpose(1, 0, 2)
-                table[:, :, place] = measured[k][r][here].transpose(1, 0, 2)
-            whitening = RowWhitening.of_runs([run], [here], noise)
-            whitened = whitening.whitened(fitted.transpose(1, 0, 2))
-            for k, effect in enumerate(effects):
-                if effect.bends:
-                    straight = _straight(run, effect, sensor, _span(runs, groups, p))
-                    table[:, :, starts[k] : starts[k + 1]] = straight[here].transpose(1, 0, 2)
+            span = _span(runs, groups, p)
+            fitted = smoothed.rows(r, here).transpose(1, 0, 2)
+            whitened = RowWhitening.of_runs([run], [here], noise).whitened(fitted)
+            table = measured.rows(r, here, span)
             table *= np.sqrt(still / block_variances(noise, run)[here]).T[:, :, None]
-            for axis in range(3) if own else ():
+            for axis in range(3) if len(own) else ():
                 table[axis] = project_out(orthonormal(table[axis][:, own]), table[axis])
             white.append(whitened.transpose(0, 2, 1) @ whitened)
             plain.append(table.transpose(0, 2, 1) @ table)
             rows.append(int(here.sum()))
             part.append(p)
             number.append(r)
-    places = {
-        effect: np.arange(starts[len(known) + k], starts[len(known) + k + 1])
-        for k, effect in enumerate(further)
-    }
     return PartSums(
         white=np.stack(white, axis=1),
         plain=np.stack(plain, axis=1),
@@ -169,10 +144,61 @@ def part_sums(
         part=np.array(part),
         cycles=cycles,
         run=np.array(number),
-        known=np.arange(starts[len(known)]),
-        places=places,
+        known=np.arange(measured.starts[len(known)]),
+        places={effect: measured.place(len(known) + k) for k, effect in enumerate(further)},
         variance=still,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """Rows of the runs: their levels, decays after gaps, columns of effects, what was measured."""
+
+    runs: Sequence[PreparedRun]
+    sensor: Sensor
+    effects: Sequence[Effect]
+    columns: list[list[FloatArray]]
+    """(m, 3, p) per effect and run."""
+    decays: IntArray
+    """(runs + 1,) first column of the decays after the gaps of each run, and the end of all."""
+    starts: IntArray
+    """(effects + 1,) first column of each effect, and the end of all."""
+
+    @classmethod
+    def of(cls, runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect]) -> _Tables:
+        columns = [_columns(runs, sensor, effect) for effect in effects]
+        decays = np.cumsum([len(runs), *(run.after_gaps.shape[1] for run in runs)])
+        starts = np.cumsum([decays[-1], *(parts[0].shape[2] for parts in columns)])
+        return cls(runs, sensor, effects, columns, decays, starts)
+
+    def place(self, k: int) -> IntArray:
+        """Return the columns of the k-th effect."""
+        return np.arange(self.starts[k], self.starts[k + 1])
+
+    def own_of_runs(self, known: int) -> IntArray:
+        """Return the columns that only a run itself can tell: decays, known effects per run."""
+        per_run = [self.place(k) for k in range(known) if self.effects[k].per_run]
+        return np.concatenate([np.arange(self.decays[0], self.decays[-1]), *per_run])
+
+    def rows(
+        self, r: int, here: NDArray[np.bool_], span: tuple[float, float] | None = None
+    ) -> FloatArray:
+        """Return the (3, blocks, q) rows of some blocks of a run, what was measured last.
+
+        `span`: temperatures [°C] beyond which effects that bend run on as a line.
+        """
+        run = self.runs[r]
+        values = run.measured[self.sensor]
+        found = np.zeros((3, int(here.sum()), int(self.starts[-1]) + 1))
+        found[:, :, r] = 1.0
+        found[:, :, self.decays[r] : self.decays[r + 1]] = run.after_gaps[here]
+        found[:, :, -1] = (values[here] - np.nanmean(values, axis=0)).T
+        for k, effect in enumerate(self.effects):
+            columns = self.columns[k][r]
+            if span is not None and effect.bends:
+                columns = _straight(run, effect, self.sensor, span)
+            found[:, :, self.starts[k] : self.starts[k + 1]] = columns[here].transpose(1, 0, 2)
+        return found
 
 
 def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[list[IntArray], bool]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from imu_recording.plausibility import POSSIBLE
+from imu_recording.plausibility import POSSIBLE_RANGES
 from imu_recording.recording import SENSOR_UNITS, STANDARD_GRAVITY, FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, Conditions, Sensor
@@ -18,7 +18,7 @@ LARGEST_ERROR = {'accelerometer': 10.0, 'gyroscope': 2.0, 'magnetometer': 1e-3}
 115 °/s where zero-rate levels are ±30 °/s, twenty times Earth's field."""
 LARGEST_STD_RATIO = 1e3
 """Standard deviation of an error, over the largest one, above which it is unknown."""
-DIE_TEMPERATURES_C = POSSIBLE['temperature']
+DIE_TEMPERATURES_C = POSSIBLE_RANGES['temperature']
 """Temperatures a die can have [°C]."""
 CYCLE_HOURS, CYCLE_ROWS = 6.0, 121
 """Length and rows of a typical cycle."""

@@ -12,9 +12,9 @@ from thermal_comp.presentation.html_table import html_table
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
-AXES = {'x': '#c1440e', 'y': '#1a7f37', 'z': '#1f5fbf'}
+AXIS_COLOURS = {'x': '#c1440e', 'y': '#1a7f37', 'z': '#1f5fbf'}
 """Colours of the axes: equally light, and distinguishable without seeing red or green."""
-COLUMNS = {
+COLUMN_TITLES = {
     'measured_rms': 'measured',
     'residual_rms': 'residual',
     'held_out_rms': 'held out',
@@ -25,14 +25,14 @@ COLUMNS = {
 
 def comparison_text(found: Mapping[str, Any]) -> str:
     """Return the comparison (the dictionary that --json writes) as a table."""
-    head = ''.join(f'{label:>11}' for label in COLUMNS.values())
+    head = ''.join(f'{label:>11}' for label in COLUMN_TITLES.values())
     name = found.get('device') or 'device'
     title = f'{name}, rms of {found["period"]:g} s means'
     lines = [f'{title:<30}{head}  unit   worst phase']
     for sensor in (s for s in SENSORS if s in found['sensors']):
         part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
         for i, axis in enumerate('xyz'):
-            values = [part[key][i] for key in COLUMNS]
+            values = [part[key][i] for key in COLUMN_TITLES]
             numbers = ''.join(f'{shown(_times(value, unit.factor)):>11}' for value in values)
             place = (part['worst_phase'] or '').replace('_', ' ')
             lines.append(f'  {sensor:<26}{axis:<2}{numbers}  {unit.unit:<6} {place}')
@@ -44,13 +44,13 @@ text = comparison_text
 
 def table(found: Mapping[str, Any]) -> str:
     """Return the comparison as an HTML table."""
-    head = ['sensor', 'axis', *COLUMNS.values(), 'unit', 'worst phase']
+    head = ['sensor', 'axis', *COLUMN_TITLES.values(), 'unit', 'worst phase']
     rows = []
     for sensor in (s for s in SENSORS if s in found['sensors']):
         part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
         place = (part['worst_phase'] or '').replace('_', ' ')
         for i, axis in enumerate('xyz'):
-            values = [shown(_times(part[key][i], unit.factor)) for key in COLUMNS]
+            values = [shown(_times(part[key][i], unit.factor)) for key in COLUMN_TITLES]
             rows.append([sensor, axis, *values, unit.unit, place])
     title = f'{found.get("device") or "device"}, rms of {found["period"]:g} s means'
     return html_table(title, head, rows, found['notes'])
@@ -65,7 +65,7 @@ def picture(found: Any) -> Picture:
     figure, panels = new_picture(len(sensors))
     for panel, sensor in zip(panels, sensors, strict=True):
         part, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
-        for place, (key, label) in enumerate(COLUMNS.items()):
+        for place, (key, label) in enumerate(COLUMN_TITLES.items()):
             values = [_times(value, unit.factor) or float('nan') for value in part[key]]
             offset = 0.2 * (place - 1.5)
             panel.bar([i + offset for i in range(3)], values, 0.18, label=label)
@@ -94,7 +94,7 @@ def residual_picture(found: Any) -> Picture:
         for number, (start, time) in enumerate(zip(starts, found.times, strict=False)):
             hours = (start + time) / 3600.0
             left = unit.factor * part.residuals[number]
-            for axis, (label, colour) in enumerate(AXES.items()):
+            for axis, (label, colour) in enumerate(AXIS_COLOURS.items()):
                 named = label if number == 0 else None
                 panel.plot(hours, left[:, axis], color=colour, lw=0.8, label=named)
             if number:

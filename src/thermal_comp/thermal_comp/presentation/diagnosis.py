@@ -27,7 +27,7 @@ VERDICTS = {
     'data_quality': 'the data have defects; they were left out of what follows',
 }
 """Verdicts in words."""
-DEFECTS = {
+DEFECT_REMEDIES = {
     'saturation': 'choose a wider full scale or remove the magnet',
     'stuck_value': 'check bus and driver',
     'spikes': 'check bus and cable',
@@ -282,7 +282,7 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
         return [f'look at the residual over {variable}: python -m imu_workbench compare BAG…']
     if kind == 'noise':
         return ['noise cannot be compensated: compare with another unit (--noise-reference MODEL)']
-    return [f'{name}: {DEFECTS[name]}'] if name in DEFECTS else []
+    return [f'{name}: {DEFECT_REMEDIES[name]}'] if name in DEFECT_REMEDIES else []
 
 
 text = diagnosis_text

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 RAMP_RATE = 2.0 / 60.0
 """Temperature rate of the sweep that is drawn [K/s]: the paper's ramps."""
-EARTH_FIELD = 50e-6
+DRAWN_FIELD_T = 50e-6
 """Magnetic field that is drawn [T]."""
 
 
@@ -100,6 +100,6 @@ def _sweep(span: tuple[float, float], reference: float) -> Conditions:
         temperature=np.interp(time, np.r_[0.0, np.cumsum(durations)], corners),
         specific_force=np.broadcast_to([0.0, 0.0, STANDARD_GRAVITY], rows),
         angular_velocity=np.zeros(rows),
-        magnetic_field=np.broadcast_to([EARTH_FIELD, 0.0, 0.0], rows),
+        magnetic_field=np.broadcast_to([DRAWN_FIELD_T, 0.0, 0.0], rows),
         reference_temperature=reference,
     )

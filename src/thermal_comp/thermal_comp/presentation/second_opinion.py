@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.presentation.comparison import AXES
+from thermal_comp.presentation.comparison import AXIS_COLOURS
 
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
@@ -36,7 +36,7 @@ def opinion_picture(
         curve, at_blocks = part.cubic.error(course), part.cubic.error(run.temperature)
         level = np.nanmean(run.measured[sensor] - at_blocks, axis=0)
         centre = at_blocks.mean(axis=0)
-        for axis, (label, colour) in enumerate(AXES.items()):
+        for axis, (label, colour) in enumerate(AXIS_COLOURS.items()):
             dots = factor * (run.measured[sensor][:, axis] - level[axis] - centre[axis])
             panel.plot(run.temperature, dots, '.', ms=2, alpha=0.4, color=colour)
             line = factor * (curve[:, axis] - centre[axis])

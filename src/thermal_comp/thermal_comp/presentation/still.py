@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_UNITS
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.presentation.comparison import AXES
+from thermal_comp.presentation.comparison import AXIS_COLOURS
 from thermal_comp.presentation.display import (
     DISPLAY_UNITS,
     SMALL_UNITS,
@@ -220,7 +220,7 @@ def still_picture(curves: StillCurves) -> Picture:
     for panel, sensor in zip(panels, curves.sensors, strict=False):
         factor, unit = CURVE_UNITS[sensor].factor, CURVE_UNITS[sensor].unit
         value, std = curves.curve(sensor, course)
-        for axis, (label, colour) in enumerate(AXES.items()):
+        for axis, (label, colour) in enumerate(AXIS_COLOURS.items()):
             line, reach = factor * value[:, axis], BAND_SIGMA * factor * std[:, axis]
             panel.plot(course, line, color=colour, lw=1.5, label=label)
             panel.fill_between(course, line - reach, line + reach, color=colour, alpha=0.2, lw=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-WORDS: Mapping[str, str] = {
+VERDICT_SENTENCES: Mapping[str, str] = {
     'complete': 'Verdict: no effect of the catalogue explains more of the residual than chance '
     'does; what is left is noise of the size the sensor has.',
     'changed': 'Verdict: coefficients stored in the model differ from those of these runs by more '

@@ -14,8 +14,8 @@ from imu_recording.recording import FloatArray
 from scipy.signal import medfilt
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.export.ardupilot import REFERENCE_TEMPERATURE, SCALE
-from thermal_comp.export.cubic import ORDER, Cubic
+from thermal_comp.export.ardupilot import PARAMETER_PER_COEFFICIENT, REFERENCE_TEMPERATURE
+from thermal_comp.export.cubic import POLYNOMIAL_ORDER, Cubic
 
 Autopilot = Literal['px4', 'ardupilot']
 PX4_MEDIAN_ROWS, PX4_BINS = 31, 2000
@@ -48,7 +48,7 @@ def px4_fit(
     count = np.bincount(place, minlength=PX4_BINS)
     some = count > 0
     means = [np.bincount(place, column, PX4_BINS)[some] / count[some] for column in (x, *smooth.T)]
-    powers = np.polyfit(means[0], np.stack(means[1:], axis=1), ORDER)[::-1]
+    powers = np.polyfit(means[0], np.stack(means[1:], axis=1), POLYNOMIAL_ORDER)[::-1]
     return Cubic(coefficients=powers, reference=middle, low=low, high=high)
 
 
@@ -68,12 +68,15 @@ def ardupilot_fit(
         total[window:] -= total[:-window].copy()
         columns = total[window - 1 :] / window
     x = columns[:, 0]
-    powers = np.polyfit(x - REFERENCE_TEMPERATURE, columns[:, 1:], ORDER)[::-1]
+    powers = np.polyfit(x - REFERENCE_TEMPERATURE, columns[:, 1:], POLYNOMIAL_ORDER)[::-1]
     powers[0] = 0.0
-    rounded = np.round(powers * SCALE, ARDUPILOT_DECIMALS) / SCALE
+    rounded = (
+        np.round(powers * PARAMETER_PER_COEFFICIENT, ARDUPILOT_DECIMALS)
+        / PARAMETER_PER_COEFFICIENT
+    )
     low, high = round(float(x.min()), 1), round(float(x.max()), 1)
     return Cubic(coefficients=rounded, reference=REFERENCE_TEMPERATURE, low=low, high=high)
 
 
-FITS: Mapping[Autopilot, AutopilotFit] = {'px4': px4_fit, 'ardupilot': ardupilot_fit}
+AUTOPILOT_FITS: Mapping[Autopilot, AutopilotFit] = {'px4': px4_fit, 'ardupilot': ardupilot_fit}
 """Autopilot → what its script fits."""

@@ -42,9 +42,9 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.linear.gaussian_evidence import log_sum
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import determined_noise
-from thermal_comp.second_opinion.autopilot_fit import FITS, Autopilot, AutopilotFit
+from thermal_comp.second_opinion.autopilot_fit import AUTOPILOT_FITS, Autopilot, AutopilotFit
 
-POWERS = (BiasTemperature(), BiasTemperatureCurvature())
+CUBIC_EFFECTS = (BiasTemperature(), BiasTemperatureCurvature())
 """Effects that together are a cubic."""
 FLAT_PRIOR_PRECISION = 1e-6
 """Precision of their coefficients before the log is seen, of whitened columns of unit length."""
@@ -147,8 +147,8 @@ def second_opinion(
     known = [s for s in usable if s in INERTIAL_SENSORS]  # an autopilot fits curves to no other
     if not known:
         raise ModelError('neither accelerometer nor gyroscope can be used: nothing to judge')
-    cubic = compare_prepared(fit_prepared(dict.fromkeys(known, POWERS), [run]), [run])
-    fit = FITS[autopilot]
+    cubic = compare_prepared(fit_prepared(dict.fromkeys(known, CUBIC_EFFECTS), [run]), [run])
+    fit = AUTOPILOT_FITS[autopilot]
     rng = np.random.default_rng(seed)
     sensors = {}
     for sensor in known:
@@ -261,7 +261,7 @@ def _when_cooling(
     run: PreparedRun, sensor: Sensor, cubic: Cubic, rng: np.random.Generator
 ) -> FloatArray:
     """Return (3,) PERCENTILES of the rms over axes that a cubic leaves on the log's way back."""
-    noise = determined_noise([run], {sensor: POWERS})[0][sensor]
+    noise = determined_noise([run], {sensor: CUBIC_EFFECTS})[0][sensor]
     design = CandidateDesign(ColumnSource([run]), sensor, noise, [])
     course = _there_and_back(run.block_conditions.of(sensor))
     histories: list[tuple[Effect | None, float]] = [(None, 0.0)]
@@ -300,7 +300,7 @@ class _Alternative:
     def __init__(
         self, design: CandidateDesign, history: Effect | None, share: float, course: Conditions
     ) -> None:
-        effects = POWERS if history is None else (*POWERS, history)
+        effects = CUBIC_EFFECTS if history is None else (*CUBIC_EFFECTS, history)
         columns = [c for effect in effects for c in design.term(effect).columns]
         size = np.concatenate([design.size_of(design.term(effect)) for effect in effects])
         size = np.maximum(size, 1e-300)

@@ -11,14 +11,14 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect, State
-from thermal_comp.effects.empirical_term import DEGREES, Empirical
+from thermal_comp.effects.empirical_term import POLYNOMIAL_DEGREES, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 
 COARSE_LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
 """Lags that are tried first: package to enclosure."""
 FINE_LAG_STEP = 2.0**0.25
 """Ratio of the finer lags that are tried about the likeliest."""
-CURVE_SIZE = 1 + len(DEGREES)
+CURVE_SIZE = 1 + len(POLYNOMIAL_DEGREES)
 """Coefficients of an axis: the line and the polynomials of `empirical_term`; a lag comes last."""
 LAG_SIZE = 3
 """Coefficients of an axis for a lag: its own, and two of what it is larger by on a steep curve."""
@@ -68,7 +68,7 @@ class _Behind(Effect):
         behind, after = self.lag.columns(conditions, state)
         temperature = conditions.temperature + behind[:, 0]
         columns, _ = self.effect.columns(replace(conditions, temperature=temperature))
-        return columns[:, : len(DEGREES)], after
+        return columns[:, : len(POLYNOMIAL_DEGREES)], after
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import numpy as np
 from imu_recording.recording import STANDARD_GRAVITY, FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.data.conditions import EARTH_RATE, Sensor
+from thermal_comp.data.conditions import EARTH_RATE_RAD_S, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import GROUP_COUNT, GROUPS, Empirical
+from thermal_comp.effects.empirical_term import COLUMN_GROUPS, GROUP_COUNT, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.gaussian_evidence import log_sum
@@ -134,7 +134,7 @@ class Pool:
         if form not in self._each:
             effects = form.effects(self._line, self._bends)
             # Of the empirical term the polynomials come first, the rest is zero.
-            width = CURVE_SIZE if form.tied else 1 + len(GROUPS)
+            width = CURVE_SIZE if form.tied else 1 + len(COLUMN_GROUPS)
             found = []
             for base in self._designs:
                 design = base.with_effects({self._sensor: effects})
@@ -246,7 +246,7 @@ class Pool:
             common=common,
             common_std=common_std,
             same_log=(self._of_log[rows][:, None] == self._of_log[rows]) * alike,
-            floor=np.full(m, EARTH_RATE**2 / 3.0 if a == 1 else 0.0),
+            floor=np.full(m, EARTH_RATE_RAD_S**2 / 3.0 if a == 1 else 0.0),
             fixed=np.concatenate([np.repeat(std, a), free]),
             bending=np.concatenate([np.repeat(bending, a), free]),
             slopes=np.arange(p + n) >= p,
@@ -283,14 +283,14 @@ class Pool:
             sizes[0, list(axes)] = solution.sigma[2]
         bends = replace(self._bends, deviations=tuple(sizes.ravel().tolist()))
         lag = () if answer.form.lag is None else (answer.form.lag,)
-        everything = np.zeros((1 + len(GROUPS) + len(lag), 3))
+        everything = np.zeros((1 + len(COLUMN_GROUPS) + len(lag), 3))
         # The other groups of the empirical term stand between the polynomials and the lag.
         place = np.r_[:CURVE_SIZE, len(everything) - len(lag) : len(everything)]
         everything[place] = found
         wide = np.zeros((len(everything), 3, len(everything), 3))
         wide[np.ix_(place, np.arange(3), place, np.arange(3))] = covariance
         effects: tuple[Effect, ...] = (self._line, bends, *lag)
-        split = np.split(everything, [1, 1 + len(GROUPS)][: len(effects) - 1])
+        split = np.split(everything, [1, 1 + len(COLUMN_GROUPS)][: len(effects) - 1])
         return SensorModel(
             effects=effects,
             coefficients=tuple(split),

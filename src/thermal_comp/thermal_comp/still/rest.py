@@ -33,7 +33,7 @@ CHANCE_SIGMA = 5.0
 """Chance that is allowed beside, in standard deviations of the scatter of a window's samples."""
 LARGEST_CHANGE_RATIO = 6.0
 """Largest change of a mean from window to window at rest, over the usual one."""
-LARGEST_NOISE = {'gyroscope': 0.02, 'accelerometer': 0.2}
+LARGEST_REST_NOISE = {'gyroscope': 0.02, 'accelerometer': 0.2}
 """Noise above which a recording shakes throughout [rad/s, m/s²]."""
 LEAST_MEAN_CHANGE = {'gyroscope': 5e-4, 'accelerometer': 5e-3}
 """Change of a mean that is allowed anyway [rad/s, m/s²]: far below the slowest motion by hand."""
@@ -81,7 +81,7 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
         if not np.isfinite(noise[sensor]):
             why = f'no {QUIET_WINDOWS} windows in a row have a finite {sensor} value'
             return _no_rest(edges, {}, why)
-        if noise[sensor] > LARGEST_NOISE[sensor]:
+        if noise[sensor] > LARGEST_REST_NOISE[sensor]:
             why = f'its quietest seconds shake by {noise[sensor]:.2g} at the {sensor}'
             return _no_rest(edges, noise, why)
         chance = CHANCE_SIGMA / np.sqrt(6.0 * np.maximum(np.diff(edges) - 1, 1))

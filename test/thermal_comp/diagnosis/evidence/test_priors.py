@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from thermal_comp.diagnosis.evidence.priors import (
     AMPLITUDES,
-    SLOW_NOISE,
+    SLOW_NOISE_RATIOS,
     THERMOMETER_LAGS_S,
     TWIN_SHARE,
     amplitude_log_prior,
@@ -14,7 +14,7 @@ from thermal_comp.diagnosis.evidence.priors import (
 )
 
 
-@pytest.mark.parametrize('alternatives', [SLOW_NOISE, THERMOMETER_LAGS_S])
+@pytest.mark.parametrize('alternatives', [SLOW_NOISE_RATIOS, THERMOMETER_LAGS_S])
 def test_alternatives_share_one(alternatives: tuple[tuple[float, float], ...]) -> None:
     assert sum(probability for _, probability in alternatives) == pytest.approx(1.0)
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from thermal_comp.data.conditions import EARTH_RATE
+from thermal_comp.data.conditions import EARTH_RATE_RAD_S
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 
@@ -32,7 +32,7 @@ def reference_of_bias(
     """
     everything = list(range(len(evidence.runs)))
     if evidence.sensor == 'gyroscope':
-        earth = Input('reference: Earth rate', EARTH_RATE / math.sqrt(3.0), 'rad/s',
+        earth = Input('reference: Earth rate', EARTH_RATE_RAD_S / math.sqrt(3.0), 'rad/s',
                       shape='rectangular')  # fmt: skip
         return everything, dict.fromkeys(everything, 0.0), [earth], []
     if evidence.sensor != 'accelerometer' or not all(evidence.up_axes):

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT_UNIT
-from thermal_comp.presentation.diagnosis import DEFECTS, doubtful_sensors, percent
+from thermal_comp.presentation.diagnosis import DEFECT_REMEDIES, doubtful_sensors, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.case.version import parameter_text
@@ -196,7 +196,7 @@ def data_alerts(found: Mapping[str, Any] | None, notes: Sequence[str]) -> list[s
     alerts = []
     for finding in found['findings'] if found else ():
         if finding['kind'] == 'data_quality':
-            advice = DEFECTS.get(finding['name'], '')
+            advice = DEFECT_REMEDIES.get(finding['name'], '')
             text = _spaced(finding['text'])
             alerts.append(f'{text}: {advice}' if advice else text)
     return list(dict.fromkeys((*alerts, *notes)))

@@ -40,7 +40,9 @@ def nuisance_priors(
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
-    for (excess, noisy), (seconds, slack) in product(priors.SLOW_NOISE, priors.THERMOMETER_LAGS_S):
+    for (excess, noisy), (seconds, slack) in product(
+        priors.SLOW_NOISE_RATIOS, priors.THERMOMETER_LAGS_S
+    ):
         deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
         if excess > 0.0:
@@ -190,7 +192,7 @@ def _cubic(design: CandidateDesign, low: float, span: float) -> FloatArray:
     plain = np.linalg.lstsq(stacked[:, :width], measured, rcond=LEAST_NEW_LENGTH)[0]
     history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
     allowed = np.full(stacked.shape[1], np.inf)
-    allowed[width : width + 2] = priors.SLOPE_BEND * span
+    allowed[width : width + 2] = priors.SLOPE_CHANGE_STD * span
     allowed[width + 2 :] = history[: stacked.shape[1] - width - 2]
     coefficients = np.empty((stacked.shape[1], 3))
     for axis in range(3):

@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from imu_recording.recording import FloatArray
 
-from thermal_comp.data.acting_channels import channel_label
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.common_mode import coherence
 from thermal_comp.diagnosis.evidence.effect_sets import (
@@ -27,14 +24,15 @@ from thermal_comp.diagnosis.evidence.flaws import (
     explained_by_equations,
     flaws,
     free_flaw,
-    gain_of,
-    gains_together,
-    log_prior_at,
-    may_be_flawed,
 )
-from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
+from thermal_comp.diagnosis.evidence.remainders import (
+    Remainder,
+    as_unlogged,
+    own_variables,
+    remainders,
+)
+from thermal_comp.linear.gaussian_evidence import log_sum
 
 CREDIBLE_PROBABILITY = 0.95
 """Probability that the reported set of explanations holds together."""
@@ -42,8 +40,6 @@ MOST_LOG_ODDS_BEHIND = 9.0
 """ln of the odds against the best set beyond which no flaw makes a set likely."""
 MOST_SETS = 4
 """Sets whose equations are given a flaw."""
-LEAST_UNNAMED_WAYS = 4
-"""Number of ways, at least, in which an unnamed cause may act: the prior is shared by them."""
 LEAST_FOLLOWED_LOG_WEIGHT = -1.0
 """ln of the weight beside a set from which the variable of an unnamed cause is reported."""
 APPROXIMATE_PROBABILITY = 0.75
@@ -67,20 +63,6 @@ class Explanation:
     """Δχ²."""
     unseen: str = ''
     """The one of its effects that is too small to be seen beside the others; '' for none."""
-
-
-@dataclass(frozen=True)
-class _Remainder:
-    """What may act beside the effects of a set: a flaw, a law without a name, a lost channel."""
-
-    kind: str
-    depends_on: str | None
-    log_weight: float
-    believed: Names = ()
-    """Effects of the set that act as well where it has no name. A law that is not in the catalogue
-    may look like any of them in part: then none is believed."""
-    course: bool = False
-    """Whether all that is known is that runs share a course over time."""
 
 
 def _fitted_set(
@@ -111,18 +93,18 @@ def explanations(
         else _fitted_set(hypotheses, some, close, courses=not some.components)
         for some in close
     ]
-    weighed: list[tuple[EffectSet, list[_Remainder]]] = [
-        (s, [_Remainder('', None, exact_weight(hypotheses, s))]) for s in sets if s not in close
+    weighed: list[tuple[EffectSet, list[Remainder]]] = [
+        (s, [Remainder('', None, exact_weight(hypotheses, s))]) for s in sets if s not in close
     ]
     lacking = flaws(hypotheses, fitted)
     weighed += [
-        (one.set, _remainders(hypotheses, one, flaw))
+        (one.set, remainders(hypotheses, one, flaw))
         for one, flaw in zip(fitted, lacking, strict=True)
     ]
     twins = _as_twins(hypotheses, weighed)
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
-    weighed = [(some, _as_unlogged(some, rest)) for some, rest in weighed]
+    weighed = [(some, as_unlogged(some, rest)) for some, rest in weighed]
     named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found = _with_unseen(named, hypotheses.unseen)
     found += _unnamed(weighed, total)
@@ -157,34 +139,9 @@ def _is_part_of_any(some: EffectSet, others: Sequence[EffectSet]) -> bool:
     return any(set(some.names) <= set(other.names) for other in others)
 
 
-def _as_unlogged(some: EffectSet, rest: list[_Remainder]) -> list[_Remainder]:
-    """Return what acts beside a set; of a guessed channel its own weight counts as `unlogged`."""
-    if not some.guessed:
-        return rest
-    own = {'', 'flaw'}
-    lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
-    return [
-        *(b for b in rest if b.kind not in own),
-        *_with_effects_of_lost_channel(lost, _effects_beside_lost_channel(some)),
-    ]
-
-
-def _names_without(some: EffectSet, name: str = '') -> Names:
-    """Return the effects of a set without those of one name, or of a channel that is guessed."""
-    own = (c for c in some.components if not c.form.effect.guessed_channel)
-    return tuple(sorted(c.name for c in own if c.name != name))
-
-
-def _effects_beside_lost_channel(some: EffectSet) -> Names:
-    """Return the effects of a set other than steps and lines, which a lost channel would make."""
-    effects = [c.form.effect for c in some.components]
-    switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
-    return tuple(name for name in _names_without(some) if name not in switched)
-
-
 def _as_twins(
-    hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[_Remainder]]]
-) -> list[list[_Remainder]]:
+    hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[Remainder]]]
+) -> list[list[Remainder]]:
     """Return by set the weights it gains from sets with a twin of one of its effects.
 
     The twin stands in place of the effect or beside it. A rate and a gradient differ by where a
@@ -192,7 +149,7 @@ def _as_twins(
     the other by no more than that does not decide between them.
     """
     named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
-    found: list[list[_Remainder]] = []
+    found: list[list[Remainder]] = []
     for some, _ in weighed:
         found.append([])
         for component in some.components:
@@ -210,7 +167,7 @@ def _as_twins(
     return found
 
 
-def _named(some: EffectSet, rest: Sequence[_Remainder], total: float) -> Explanation:
+def _named(some: EffectSet, rest: Sequence[Remainder], total: float) -> Explanation:
     """Return the explanation by the effects of a set, with and without a flaw of their form."""
     exact, flawed = (
         sum(float(np.exp(some.log_posterior + b.log_weight - total)) for b in rest if b.kind == k)
@@ -251,10 +208,10 @@ def _with_unseen(
 
 
 def _unnamed(
-    weighed: Sequence[tuple[EffectSet, Sequence[_Remainder]]], total: float
+    weighed: Sequence[tuple[EffectSet, Sequence[Remainder]]], total: float
 ) -> list[Explanation]:
     """Return the explanations by something that has no name here, alone or beside effects."""
-    parts: dict[Names, list[tuple[float, EffectSet, _Remainder]]] = {
+    parts: dict[Names, list[tuple[float, EffectSet, Remainder]]] = {
         (NOT_IN_CATALOGUE,): [],
         (UNLOGGED,): [],
     }
@@ -266,9 +223,7 @@ def _unnamed(
     return [_explanation(names, some) for names, some in parts.items()]
 
 
-def _explanation(
-    names: Names, parts: Sequence[tuple[float, EffectSet, _Remainder]]
-) -> Explanation:
+def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, Remainder]]) -> Explanation:
     """Return the explanation by something unknown, summed over the sets it stands beside."""
     if not parts:
         return Explanation(names=names, probability=0.0, approximate=False, components=())
@@ -288,14 +243,6 @@ def _explanation(
     )
 
 
-def _own_variables(some: EffectSet) -> set[str]:
-    """Return what the effects of a set follow: channels, and 'frequency' for a spectral line."""
-    effects = [one.form.effect for one in some.components]
-    channels = {channel_label(c) for effect in effects for c in effect.channels}
-    lines = [effect for effect in effects if effect.line_frequency is not None]
-    return channels | ({'frequency'} if lines else set())
-
-
 def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozenset[str]:
     """Return what one further effect of another set follows and those here do not.
 
@@ -305,145 +252,8 @@ def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozen
         variable
         for other in others
         if len(set(other.names) - set(some.names)) == 1
-        for variable in _own_variables(other) - _own_variables(some)
+        for variable in own_variables(other) - own_variables(some)
     )
-
-
-def _remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[_Remainder]:
-    """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
-    some, state = one.set, one.state
-    found = [_Remainder('', None, exact_weight(hypotheses, some))]
-    if may_be_flawed(hypotheses, some):
-        found.append(_Remainder('flaw', None, flaw))
-    strongest = float(np.sqrt(some.explained)) if some.components else None
-    amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
-    gains = _log_gains(hypotheses, some, state, amplitude)
-    measured = [r for r in hypotheses.regressors if r.depends_on in _own_variables(some)]
-    if measured:
-        own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
-        each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
-        share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
-        found.append(_Remainder('flaw', None, log_sum(each) + share))
-    gains = [
-        (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
-    ]
-    course = one.course + log_prior_at(one.course_size, amplitude)
-    weight = log_sum([b.log_weight for b in found])
-    found += _unnamed_causes(hypotheses, some, gains, course)
-    found += _common_cause_of_steps(hypotheses, some, weight)
-    found += _unseen_twins(hypotheses, some, weight)
-    return found + _other_causes(some, weight)
-
-
-def _unnamed_causes(
-    hypotheses: SensorHypotheses,
-    some: EffectSet,
-    gains: Sequence[tuple[GenericRegressor, float]],
-    course: float,
-) -> list[_Remainder]:
-    """Return what speaks for a law that is not in the catalogue, and for a lost channel.
-
-    A lost channel betrays itself by the trace it leaves in others. What follows time may be
-    either, as may what follows the phase of the cycle, where a machine is likelier.
-    """
-    once = priors.ANOTHER_EFFECT_PROBABILITY
-    if not some.components:
-        once = (1.0 - priors.NOTHING_PROBABILITY) / priors.NOTHING_PROBABILITY
-    lost = hypotheses.lost_over_time
-    laws = [_Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
-    laws += [_Remainder(NOT_IN_CATALOGUE, 'time', course, course=True)]
-    traces = [_Remainder(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
-    either = [_Remainder(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
-    either += [_Remainder(UNLOGGED, lost, course, course=True)] if lost else []
-    found = []
-    for beside, prior, ways in (
-        (laws, priors.NOT_IN_CATALOGUE_PROBABILITY, len(laws)),
-        (traces, priors.UNLOGGED_PROBABILITY, len(traces)),
-        (either, priors.UNLOGGED_PROBABILITY * priors.WITHOUT_TRACE_PROBABILITY, len(laws)),
-    ):
-        share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
-        found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    return _with_effects_of_lost_channel(found, _effects_beside_lost_channel(some))
-
-
-def _with_effects_of_lost_channel(found: Sequence[_Remainder], known: Names) -> list[_Remainder]:
-    """Return what may act: beside a lost channel its effects are the known ones, or a part."""
-    if not known:
-        return [*found]
-    alike = float(np.log(priors.LOOKS_LIKE_LOST_PROBABILITY))
-    others = float(np.log1p(-priors.LOOKS_LIKE_LOST_PROBABILITY))
-    lost = [b for b in found if b.kind == UNLOGGED]
-    return [
-        *(b for b in found if b.kind != UNLOGGED),
-        *(replace(b, log_weight=b.log_weight + alike) for b in lost),
-        *(replace(b, log_weight=b.log_weight + others, believed=known) for b in lost),
-    ]
-
-
-def _common_cause_of_steps(
-    hypotheses: SensorHypotheses, some: EffectSet, weight: float
-) -> list[_Remainder]:
-    """Return what speaks for one cause of the several steps of a set; `weight`: the set's.
-
-    A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
-    bias jumps between levels by itself (random telegraph noise), which is no effect.
-    """
-    name, steps = max(Counter(some.names).items(), key=lambda pair: pair[1], default=('', 0))
-    if steps < 2:
-        return []
-    known = _names_without(some, name)
-    size = len(some.names)
-    once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
-    jumps = priors.NOT_IN_CATALOGUE_PROBABILITY * priors.JUMPS_BY_ITSELF_PROBABILITY
-    found = [_Remainder(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
-    if lost := hypotheses.lost_over_time:
-        found.append(
-            _Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED_PROBABILITY)), known)
-        )
-    return found
-
-
-def _unseen_twins(
-    hypotheses: SensorHypotheses, some: EffectSet, weight: float
-) -> list[_Remainder]:
-    """Return effects whose channel was not logged, in place of those of a set they look like.
-
-    What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
-    """
-    share = weight + float(np.log(priors.UNSEEN_TWIN_ODDS))
-    lost = hypotheses.without_channel
-    return [
-        _Remainder(UNLOGGED, lost[twin], share, _names_without(some, c.name))
-        for c in some.components
-        if (twin := c.form.effect.twin) in lost
-    ]
-
-
-def _other_causes(some: EffectSet, weight: float) -> list[_Remainder]:
-    """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
-    share = weight + float(np.log(priors.ANY_CAUSE_ODDS))
-    effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
-    return [
-        _Remainder(
-            NOT_IN_CATALOGUE,
-            'time' if e.line_frequency is None else 'frequency',
-            share,
-            _names_without(some, e.name),
-        )
-        for e in effects
-    ]
-
-
-def _log_gains(
-    hypotheses: SensorHypotheses,
-    some: EffectSet,
-    state: ConditionedDesign,
-    amplitude: FloatArray,
-) -> list[tuple[GenericRegressor, float]]:
-    """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
-    regressors = hypotheses.regressors
-    gains = gains_together(hypotheses, some, state, [r.term for r in regressors], amplitude)
-    return list(zip(regressors, gains, strict=True))
 
 
 def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:

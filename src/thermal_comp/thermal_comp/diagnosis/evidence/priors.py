@@ -76,7 +76,7 @@ CHANNEL_FLAWED_PROBABILITY = 0.3
 """That what an effect lacks is an error of the channel that it follows, noise or another place, or
 of the amplitude of its line, which comes and goes with its cause."""
 
-SLOW_NOISE = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
+SLOW_NOISE_RATIOS = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
 """Slow noise beyond the fitted one, in units of its variance, with probabilities: what a few
 periods tell of a variance is right to a factor of two to four."""
 SLOW_NOISE_SHARE = 0.025
@@ -95,7 +95,7 @@ THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
 """Time constants of what it follows beside the die: package, board, housing [s] …"""
 THERMOMETER_PART_SHARE = 0.3
 """… and standard deviation of each one's share of its lag."""
-SLOPE_BEND = 0.3
+SLOPE_CHANGE_STD = 0.3
 """Standard deviation of the change of a slope over the temperatures of a run, of itself."""
 THERMOMETER_SETTLING_S = (40.0, 120.0, 360.0)
 """Times over which it settles after power-on [s] …"""

@@ -23,7 +23,7 @@ KEPT_SETS = 5
 """Sets of each size that are extended."""
 TRIED_ADDITIONS = 4
 """Effects each of them is extended by."""
-LEAST_GAIN = 2.0
+LEAST_LOG_EVIDENCE_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
 PROMISING_SHARE = 0.3
 """Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
@@ -78,7 +78,9 @@ def _extended(
             names = tuple(sorted((*before.names, addition.component.name)))
             if names in larger or names in known:
                 continue
-            promising = addition.peak > max(LEAST_GAIN, PROMISING_SHARE * leader - 15.0)
+            promising = addition.peak > max(
+                LEAST_LOG_EVIDENCE_GAIN, PROMISING_SHARE * leader - 15.0
+            )
             most = TRIED_ADDITIONS if before.components else 2 * TRIED_ADDITIONS
             if promising and place < most:
                 larger[names] = fitted_set(hypotheses, (*before.components, addition.component))
@@ -100,7 +102,7 @@ def _unseen(
     return {
         name: float(np.exp(more + one.log_gain))
         for name, one in additions.items()
-        if one.peak < LEAST_GAIN and not one.component.form.effect.guessed_channel
+        if one.peak < LEAST_LOG_EVIDENCE_GAIN and not one.component.form.effect.guessed_channel
     }
 
 

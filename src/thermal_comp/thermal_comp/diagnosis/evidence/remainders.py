@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may act beside the effects of a set: a flaw, a law without a name, a lost channel."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.acting_channels import channel_label
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.effect_sets import (
+    NOT_IN_CATALOGUE,
+    UNLOGGED,
+    EffectSet,
+    Names,
+)
+from thermal_comp.diagnosis.evidence.flaws import (
+    FittedSet,
+    exact_weight,
+    explained_by_equations,
+    gain_of,
+    gains_together,
+    log_prior_at,
+    may_be_flawed,
+)
+from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
+
+LEAST_UNNAMED_WAYS = 4
+"""Number of ways, at least, in which an unnamed cause may act: the prior is shared by them."""
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What may act beside the effects of a set: a flaw, a law without a name, a lost channel."""
+
+    kind: str
+    depends_on: str | None
+    log_weight: float
+    believed: Names = ()
+    """Effects of the set that act as well where it has no name. A law that is not in the catalogue
+    may look like any of them in part: then none is believed."""
+    course: bool = False
+    """Whether all that is known is that runs share a course over time."""
+
+
+def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[Remainder]:
+    """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
+    some, state = one.set, one.state
+    found = [Remainder('', None, exact_weight(hypotheses, some))]
+    if may_be_flawed(hypotheses, some):
+        found.append(Remainder('flaw', None, flaw))
+    strongest = float(np.sqrt(some.explained)) if some.components else None
+    amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
+    gains = _log_gains(hypotheses, some, state, amplitude)
+    measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(some)]
+    if measured:
+        own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
+        each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
+        share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
+        found.append(Remainder('flaw', None, log_sum(each) + share))
+    gains = [
+        (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
+    ]
+    course = one.course + log_prior_at(one.course_size, amplitude)
+    weight = log_sum([b.log_weight for b in found])
+    found += _unnamed_causes(hypotheses, some, gains, course)
+    found += _common_cause_of_steps(hypotheses, some, weight)
+    found += _unseen_twins(hypotheses, some, weight)
+    return found + _other_causes(some, weight)
+
+
+def _unnamed_causes(
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    gains: Sequence[tuple[GenericRegressor, float]],
+    course: float,
+) -> list[Remainder]:
+    """Return what speaks for a law that is not in the catalogue, and for a lost channel.
+
+    A lost channel betrays itself by the trace it leaves in others. What follows time may be
+    either, as may what follows the phase of the cycle, where a machine is likelier.
+    """
+    once = priors.ANOTHER_EFFECT_PROBABILITY
+    if not some.components:
+        once = (1.0 - priors.NOTHING_PROBABILITY) / priors.NOTHING_PROBABILITY
+    lost = hypotheses.lost_over_time
+    laws = [Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
+    laws += [Remainder(NOT_IN_CATALOGUE, 'time', course, course=True)]
+    traces = [Remainder(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
+    either = [Remainder(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
+    either += [Remainder(UNLOGGED, lost, course, course=True)] if lost else []
+    found = []
+    for beside, prior, ways in (
+        (laws, priors.NOT_IN_CATALOGUE_PROBABILITY, len(laws)),
+        (traces, priors.UNLOGGED_PROBABILITY, len(traces)),
+        (either, priors.UNLOGGED_PROBABILITY * priors.WITHOUT_TRACE_PROBABILITY, len(laws)),
+    ):
+        share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
+        found += [replace(b, log_weight=b.log_weight + share) for b in beside]
+    return _with_effects_of_lost_channel(found, _effects_beside_lost_channel(some))
+
+
+def _with_effects_of_lost_channel(found: Sequence[Remainder], known: Names) -> list[Remainder]:
+    """Return what may act: beside a lost channel its effects are the known ones, or a part."""
+    if not known:
+        return [*found]
+    alike = float(np.log(priors.LOOKS_LIKE_LOST_PROBABILITY))
+    others = float(np.log1p(-priors.LOOKS_LIKE_LOST_PROBABILITY))
+    lost = [b for b in found if b.kind == UNLOGGED]
+    return [
+        *(b for b in found if b.kind != UNLOGGED),
+        *(replace(b, log_weight=b.log_weight + alike) for b in lost),
+        *(replace(b, log_weight=b.log_weight + others, believed=known) for b in lost),
+    ]
+
+
+def _common_cause_of_steps(
+    hypotheses: SensorHypotheses, some: EffectSet, weight: float
+) -> list[Remainder]:
+    """Return what speaks for one cause of the several steps of a set; `weight`: the set's.
+
+    A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
+    bias jumps between levels by itself (random telegraph noise), which is no effect.
+    """
+    name, steps = max(Counter(some.names).items(), key=lambda pair: pair[1], default=('', 0))
+    if steps < 2:
+        return []
+    known = _names_without(some, name)
+    size = len(some.names)
+    once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
+    jumps = priors.NOT_IN_CATALOGUE_PROBABILITY * priors.JUMPS_BY_ITSELF_PROBABILITY
+    found = [Remainder(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
+    if lost := hypotheses.lost_over_time:
+        found.append(
+            Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED_PROBABILITY)), known)
+        )
+    return found
+
+
+def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[Remainder]:
+    """Return effects whose channel was not logged, in place of those of a set they look like.
+
+    What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
+    """
+    share = weight + float(np.log(priors.UNSEEN_TWIN_ODDS))
+    lost = hypotheses.without_channel
+    return [
+        Remainder(UNLOGGED, lost[twin], share, _names_without(some, c.name))
+        for c in some.components
+        if (twin := c.form.effect.twin) in lost
+    ]
+
+
+def _other_causes(some: EffectSet, weight: float) -> list[Remainder]:
+    """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
+    share = weight + float(np.log(priors.ANY_CAUSE_ODDS))
+    effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
+    return [
+        Remainder(
+            NOT_IN_CATALOGUE,
+            'time' if e.line_frequency is None else 'frequency',
+            share,
+            _names_without(some, e.name),
+        )
+        for e in effects
+    ]
+
+
+def _log_gains(
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    state: ConditionedDesign,
+    amplitude: FloatArray,
+) -> list[tuple[GenericRegressor, float]]:
+    """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
+    regressors = hypotheses.regressors
+    gains = gains_together(hypotheses, some, state, [r.term for r in regressors], amplitude)
+    return list(zip(regressors, gains, strict=True))
+
+
+def as_unlogged(some: EffectSet, rest: list[Remainder]) -> list[Remainder]:
+    """Return what acts beside a set; of a guessed channel its own weight counts as `unlogged`."""
+    if not some.guessed:
+        return rest
+    own = {'', 'flaw'}
+    lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
+    return [
+        *(b for b in rest if b.kind not in own),
+        *_with_effects_of_lost_channel(lost, _effects_beside_lost_channel(some)),
+    ]
+
+
+def own_variables(some: EffectSet) -> set[str]:
+    """Return what the effects of a set follow: channels, and 'frequency' for a spectral line."""
+    effects = [one.form.effect for one in some.components]
+    channels = {channel_label(c) for effect in effects for c in effect.channels}
+    lines = [effect for effect in effects if effect.line_frequency is not None]
+    return channels | ({'frequency'} if lines else set())
+
+
+def _names_without(some: EffectSet, name: str = '') -> Names:
+    """Return the effects of a set without those of one name, or of a channel that is guessed."""
+    own = (c for c in some.components if not c.form.effect.guessed_channel)
+    return tuple(sorted(c.name for c in own if c.name != name))
+
+
+def _effects_beside_lost_channel(some: EffectSet) -> Names:
+    """Return the effects of a set other than steps and lines, which a lost channel would make."""
+    effects = [c.form.effect for c in some.components]
+    switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
+    return tuple(name for name in _names_without(some) if name not in switched)
