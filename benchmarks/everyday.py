@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from everyday_tables import tables
 from imu_driver.simulation.devices import draw_device
-from imu_driver.simulation.hidden import HIDDEN_EFFECTS, UNLOGGED
+from imu_driver.simulation.hidden import HIDDEN_EFFECTS, UNLOGGED_EFFECTS
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from imu_workbench.simulate.campaign import Logging
@@ -127,7 +127,7 @@ def _own(seed: int, kind: str) -> Case:
 
 def _wishes(rng: np.random.Generator, count: int) -> Iterator[EffectToHide]:
     """Yield all that could be hidden, each law once, in random order, the largest first."""
-    laws = {**HIDDEN_EFFECTS, **UNLOGGED}
+    laws = {**HIDDEN_EFFECTS, **UNLOGGED_EFFECTS}
     kind = 'effect' if count >= 0 else 'unexplained'
     size = float(np.exp(rng.uniform(*np.log(MAGNITUDES))))
     taken: set[str] = set()

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from hidden_effects_tables import tables
-from imu_driver.simulation.hidden import CLOCK, DATA_FAULTS, HIDEABLE, NOTHING
+from imu_driver.simulation.hidden import CLOCK_TEMPERATURE, DATA_FAULTS, HIDEABLE, NOTHING
 from imu_workbench.simulate.hidden_effect import EffectToHide, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
@@ -76,7 +76,7 @@ def judge(case: Case) -> dict[str, Any]:
 
 def cases(magnitudes: Sequence[float], seeds: int, same_chamber: bool) -> list[Case]:
     """Return what is to be done, every kind of table early."""
-    hidden = [n for n in HIDEABLE if n not in (*DATA_FAULTS, CLOCK, NOTHING)]
+    hidden = [n for n in HIDEABLE if n not in (*DATA_FAULTS, CLOCK_TEMPERATURE, NOTHING)]
     # Those with shape parameters first: they fill every table.
     known = [n for n in hidden if n in EFFECTS]
     known.sort(key=lambda name: not EFFECTS[name]().shape_parameters)

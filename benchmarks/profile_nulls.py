@@ -2,7 +2,7 @@
 """How often does a device without a hidden effect stay clean, by shipped profile and rate?
 
 Campaigns are those of `simulate PROFILE --rate RATE --seed SEED`: three orientations of dut1, dut2
-and dut3 in turn, single samples. From DIRECT_RATE on the simulated sensor paces them by its own
+and dut3 in turn, single samples. From DIRECT_RATE_HZ on the simulated sensor paces them by its own
 clock, which drifts: that slope, where it is found as it is, is true and no false name. One JSON
 line each, so that an interrupted run goes on where it stopped. The claim is 98 % of all; exit code
 1 where it fails, or nothing was run.
@@ -23,7 +23,7 @@ from typing import Any
 
 from chamber_profile.profile.file import profile_names
 from imu_driver.simulation.devices import DEVICES
-from imu_driver.simulation.read_out import DIRECT_RATE
+from imu_driver.simulation.read_out import DIRECT_RATE_HZ
 from imu_recording.user_error import UserError
 from imu_workbench.simulate.campaign import Logging, simulate_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
@@ -61,7 +61,7 @@ def trial(profile: str, rate: float, seed: int) -> dict[str, Any]:
 
 def _true_clock(finding: Finding, device: str, rate: float) -> bool:
     """Tell whether a finding is the slope that the clock of the simulated sensor has."""
-    if finding.name != 'clock_temperature' or rate < DIRECT_RATE:
+    if finding.name != 'clock_temperature' or rate < DIRECT_RATE_HZ:
         return False
     slope = -DEVICES[device].rate_slope  # a faster clock makes shorter intervals
     return abs(finding.parameters['slope']['value'] - slope) < CLOCK_ERROR * abs(slope)

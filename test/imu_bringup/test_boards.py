@@ -4,9 +4,9 @@
 from pathlib import Path
 
 import pytest
-from imu_bringup.boards import BOARD, BoardsError, boards_of
+from imu_bringup.boards import BOARD_ARGUMENTS, BoardsError, boards_of
 
-GIVEN = {name: default for name, (default, _) in BOARD.items()} | {'boards': ''}
+GIVEN = {name: default for name, (default, _) in BOARD_ARGUMENTS.items()} | {'boards': ''}
 
 
 def of(tmp_path: Path, text: str, **given: str) -> list[dict[str, object]]:
@@ -18,7 +18,7 @@ def of(tmp_path: Path, text: str, **given: str) -> list[dict[str, object]]:
 def test_without_a_file_there_is_one_board() -> None:
     (board,) = boards_of({**GIVEN, 'transport': 'tcp://a:1', 'record': 'run'})
     assert board == {
-        **{name: GIVEN[name] for name in BOARD},
+        **{name: GIVEN[name] for name in BOARD_ARGUMENTS},
         'transport': 'tcp://a:1',
         'record': 'run',
     }

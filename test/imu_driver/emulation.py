@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imu_driver.board.lsm9ds1 import AXIS_SIGNS, DEFAULT_FULL_SCALE, SENSITIVITY, SENSORS
-from imu_driver.board.reader import FIRST_RETRY
+from imu_driver.board.reader import FIRST_RETRY_S
 from imu_driver.board.sample import Sample
 from imu_driver.board.session import DeviceSession, SessionConfig
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
@@ -132,7 +132,7 @@ class Emulation:
         if self._open and (not port.present or port.opened != self._open):
             self._open = 0
             self.samples += session.disconnected()
-            self._retry_at = self.time + FIRST_RETRY
+            self._retry_at = self.time + FIRST_RETRY_S
         if not self._open and port.present and self.time >= self._retry_at:
             self._open = port.opened
             self.connections += 1

@@ -10,7 +10,7 @@ from typing import Any, Final
 import yaml
 from imu_recording.user_error import UserError
 
-BOARD: Final = {
+BOARD_ARGUMENTS: Final = {
     'namespace': ('', 'Namespace of the board'),
     'transport': (
         '',
@@ -38,13 +38,13 @@ def boards_of(given: Mapping[str, str]) -> list[dict[str, Any]]:
 
     Raises BoardsError.
     """
-    common = {name: given[name] for name in BOARD}
+    common = {name: given[name] for name in BOARD_ARGUMENTS}
     if not given['boards']:
         return [common]
     boards = []
     for namespace, own in _content(given['boards']).items():
-        if unknown := sorted(own.keys() - BOARD.keys()):
-            known = ', '.join(BOARD)
+        if unknown := sorted(own.keys() - BOARD_ARGUMENTS.keys()):
+            known = ', '.join(BOARD_ARGUMENTS)
             raise BoardsError(
                 f'{given["boards"]}: {namespace} has {unknown[0]}, expected one of {known}'
             )

@@ -29,7 +29,7 @@ FILTERS: Final = {
     'ahrs': (AhrsFilterNode,),
     'both': (ComplementaryFilterNode, AhrsFilterNode),
 }
-TOPIC: Final = 'topic'
+TOPIC_TRANSPORT: Final = 'topic'
 """Value of `transport` where another driver publishes the samples."""
 
 
@@ -85,7 +85,7 @@ class ImuChainNode(ConfiguredNode):
     def _stages(self, config: ChainConfig, shared: dict[str, Any]) -> list[ConfiguredNode]:
         """Return the nodes in the order in which samples pass through them."""
         stages: list[ConfiguredNode] = []
-        if config.transport != TOPIC:
+        if config.transport != TOPIC_TRANSPORT:
             source = {'transport': config.transport} if config.transport else {}
             stages.append(ImuDriverNode(parameters=source, **shared))
         if config.model:

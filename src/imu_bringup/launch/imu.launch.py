@@ -12,7 +12,7 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
-from imu_bringup.boards import BOARD, boards_of, value
+from imu_bringup.boards import BOARD_ARGUMENTS, boards_of, value
 from imu_recording.user_error import UserError
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -30,7 +30,7 @@ SHARED = {
 
 def chain(board, given):
     """Return the process of one board; it holds several nodes, so that it gets no name."""
-    parameters = {name: value(board[name]) for name in BOARD if str(board[name])}
+    parameters = {name: value(board[name]) for name in BOARD_ARGUMENTS if str(board[name])}
     namespace = parameters.pop('namespace', '')
     parameters['use_sim_time'] = value(given['use_sim_time'])
     if namespace and board['record']:
@@ -56,7 +56,9 @@ def rviz():
 
 def processes(context):
     """Return what the arguments ask for."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in (*BOARD, *SHARED)}
+    given = {
+        name: LaunchConfiguration(name).perform(context) for name in (*BOARD_ARGUMENTS, *SHARED)
+    }
     view = rviz() if value(given['rviz']) is True else []
     return [*(chain(board, given) for board in boards_of(given)), *view]
 
@@ -64,6 +66,6 @@ def processes(context):
 def generate_launch_description():
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=meaning)
-        for name, (default, meaning) in (BOARD | SHARED).items()
+        for name, (default, meaning) in (BOARD_ARGUMENTS | SHARED).items()
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=processes)])

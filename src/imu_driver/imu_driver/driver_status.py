@@ -7,9 +7,9 @@ from collections import deque
 from typing import Any, Final
 
 from imu_driver.board.lsm9ds1 import (
-    OPERATING_TEMPERATURE,
+    OPERATING_TEMPERATURE_RANGE_C,
     REGISTERS,
-    SUPPLY_VOLTAGE,
+    SUPPLY_VOLTAGE_RANGE_V,
     compensates_magnetometer_temperature,
 )
 from imu_driver.board.reader import DeviceReader
@@ -21,9 +21,9 @@ OK, WARN, ERROR = 0, 1, 2
 
 RATE_TOLERANCE: Final = 0.05
 """Relative; wider than the output data rate's spread over devices and temperature."""
-DATA_TIMEOUT: Final = 1.0
+DATA_TIMEOUT_S: Final = 1.0
 """[s] A longer time without data is an error."""
-BYTES_WITHOUT_FRAME: Final = 1000
+MOST_BYTES_WITHOUT_FRAME: Final = 1000
 """More bytes than this without one valid frame: baud rate or protocol are wrong."""
 WARNING_CALLS: Final = 10
 """Number of calls, one a second, for which a counted event keeps the level at WARN."""
@@ -130,9 +130,9 @@ def _errors(session: DeviceSession, reader: DeviceReader, now: int) -> list[str]
         return ['no samples without time: use_sim_time is set and nothing comes on /clock']
     if session.refusal:
         return [f'refused: {session.refusal}']
-    if session.counts.bytes > BYTES_WITHOUT_FRAME and not session.counts.frames:
+    if session.counts.bytes > MOST_BYTES_WITHOUT_FRAME and not session.counts.frames:
         return ['bytes come, but no frame among them: check baudrate and protocol']
-    if now - session.last_data > DATA_TIMEOUT * 1e9:
+    if now - session.last_data > DATA_TIMEOUT_S * 1e9:
         return ['no data' if session.last_data else 'no data yet']
     return []
 
@@ -142,13 +142,13 @@ def _warnings(session: DeviceSession, rate: float, temperature: float) -> list[s
     nominal = session.nominal_rate
     if nominal and rate and abs(rate / nominal - 1.0) > RATE_TOLERANCE:
         warnings.append(f'rate is {rate:.1f} Hz, nominal {nominal:.1f} Hz')
-    low, high = OPERATING_TEMPERATURE
+    low, high = OPERATING_TEMPERATURE_RANGE_C
     if temperature < low or temperature > high:
         warnings.append(f'die at {temperature:.1f} °C, rated {low:g} … {high:g} °C')
     information = session.information
     if information:
         supply = information.supply_millivolts * 1e-3
-        low, high = SUPPLY_VOLTAGE
+        low, high = SUPPLY_VOLTAGE_RANGE_V
         if supply and not low <= supply <= high:
             warnings.append(f'supply {supply:.2f} V, rated {low:g} … {high:g} V')
         if compensates_magnetometer_temperature(information.registers):

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from imu_driver.board.sample import TEMPERATURE_VARIANCE, Sample, diagonal
+from imu_driver.board.sample import TEMPERATURE_VARIANCE_K2, Sample, diagonal
 from imu_driver.board.session import WarningEvent
 from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
 from imu_driver.driver import DriverParameters, ImuDriver
@@ -122,7 +122,7 @@ class ImuDriverNode(ConfiguredNode):
         if sample.temperature is not None:
             self._temperature.send(
                 TemperatureSample(
-                    stamp, sample.temperature, variance=TEMPERATURE_VARIANCE, frame_id=frame_id
+                    stamp, sample.temperature, variance=TEMPERATURE_VARIANCE_K2, frame_id=frame_id
                 )
             )
         if sample.magnetic_field is not None:

@@ -13,7 +13,7 @@ from imu_recording.recording import FloatArray, IntArray
 
 LEAST_CHANGES = 30
 """Changes of the value from which its period is estimated."""
-LEAST_ROWS = 3
+LEAST_ROWS_PER_MEASUREMENT = 3
 """Rows per measurement from which repetition matters."""
 ON_TIME_SHARE = 0.95
 """Least share of the changes that come on time: whole periods after the one before, to one row, or
@@ -47,7 +47,9 @@ def measurement_stamps(written: IntArray, values: FloatArray) -> IntArray | None
     known = np.flatnonzero(np.isfinite(values) & (written >= 0))
     first = known[np.flatnonzero(np.diff(written[known], prepend=-1))]
     changed = np.flatnonzero(np.diff(values[first])) + 1
-    if len(changed) < LEAST_CHANGES or len(changed) * (LEAST_ROWS - 1) > len(first):
+    if len(changed) < LEAST_CHANGES or len(changed) * (LEAST_ROWS_PER_MEASUREMENT - 1) > len(
+        first
+    ):
         return None
     rows_between = np.diff(changed)
     period = _period(rows_between, np.abs(np.diff(values[first])[changed - 1]))
@@ -82,7 +84,7 @@ def _period(rows_between: IntArray, steps: FloatArray) -> float:
         count = np.maximum(np.rint(rows_between / period), 1.0)
         near = count <= 10.0
         period = float(rows_between[near].sum() / count[near].sum())
-    if period < LEAST_ROWS:
+    if period < LEAST_ROWS_PER_MEASUREMENT:
         return 0.0
     count = np.maximum(np.rint(rows_between / period), 1.0)
     tolerance = 1.5 if period < LONG_PERIOD_ROWS else 2.5

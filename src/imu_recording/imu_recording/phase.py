@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_recording.recording import PHASES, FloatArray, IntArray, RecordingError
 
-UNKNOWN = -1
+UNKNOWN_PHASE = -1
 RAMP_RATE_C_PER_MIN = 0.2
 """A set-point that moves faster is a ramp [°C/min]; IEC 60068-2-14 Nb ramps start at 1."""
 SAME_LEVEL_C = 2.0
@@ -39,7 +39,7 @@ def parse_phase(text: str) -> tuple[int, int]:
     """
     name, _, number = text.strip().partition(' ')
     cycle = int(number) if number.strip().isdecimal() else 0
-    return (PHASES.index(name) if name in PHASES else UNKNOWN), cycle
+    return (PHASES.index(name) if name in PHASES else UNKNOWN_PHASE), cycle
 
 
 def format_phase(phase: int, cycle: int) -> str:
@@ -61,7 +61,7 @@ def phases_from_setpoint(time: FloatArray, setpoint: FloatArray) -> tuple[IntArr
     is preconditioning, a last dwell at the reference level is `final`; both have cycle 0. A cycle
     starts with the first ramp that leaves the level it started from. NaN rows are −1, 0.
     """
-    phase = np.full(len(time), UNKNOWN, dtype=np.int64)
+    phase = np.full(len(time), UNKNOWN_PHASE, dtype=np.int64)
     cycle = np.zeros(len(time), dtype=np.int64)
     valid = np.flatnonzero(np.isfinite(setpoint))
     if valid.size:

@@ -25,10 +25,10 @@ from imu_recording.recording import (
     RecordingError,
 )
 
-ACCEPTABLE = ('units', 'compensated')
+ACCEPTABLE_DEFECTS = ('units', 'compensated')
 """What a user may accept (`--accept`): implausible numbers, and data compensated before."""
 
-POSSIBLE = {
+POSSIBLE_RANGES = {
     'linear_acceleration': (-400.0, 400.0),
     'angular_velocity': (-70.0, 70.0),
     'magnetic_field': (-0.01, 0.01),
@@ -45,46 +45,46 @@ POSSIBLE = {
 """Least and greatest value a field can hold [its unit]: twice the widest full scales of MEMS
 sensors (16 and 24 g, 2000 °/s, 50 gauss), temperatures of working electronics and chambers, and
 pressures from vacuum to two kilometres under water."""
-LATER_JUDGED = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
+LATER_JUDGED_FIELDS = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
 """Fields whose defects a diagnosis names itself (`sensors` False)."""
 DAMAGED_SHARE = 0.01
 """Largest share of impossible values that is damage, which is left out; more is another unit."""
-ALONE_SHARE = 0.2
+SINGLE_DAMAGED_SHARE = 0.2
 """The same where each stands alone between possible values, as a thermometer's error code does."""
-FOREIGN_UNITS = {
+FOREIGN_UNIT_RANGES = {
     'humidity': {'%': (1.1, 110.0)},
     'supply_voltage': {'mV': (1e3, 6e4)},
     'pressure': {'hPa': (300.0, 1100.0), 'kPa': (30.0, 110.0)},
 }
 """Median values of air at inhabited heights, and of supplies, in other units that logs use."""
 
-NORM = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
+NORM_RANGES = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
 """Median norm [m/s², T]: gravity, whatever the attitude, and Earth's field of 22 … 67 µT with
 hard iron of a few times its size."""
-FACTORS = {
+UNIT_FACTORS = {
     'accelerometer': {'g': 1.0 / STANDARD_GRAVITY, 'mg': 1e3 / STANDARD_GRAVITY, 'cm/s²': 100.0},
     'magnetometer': {'µT': 1e6, 'gauss': 1e4, 'mG': 1e7, 'nT': 1e9, 'mT': 1e3},
     'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
 }
 """Factors from the SI unit to other units that logs use."""
 
-REST_CHANGE = {'linear_acceleration': 0.1, 'magnetic_field': 0.8}
+REST_TURN_RAD = {'linear_acceleration': 0.1, 'magnetic_field': 0.8}
 """Change of the direction of gravity and of the field [rad] below which a device rests; for the
 field larger, as heat changes the field of objects nearby."""
-STILL_SHARE = 0.9
+STILL_NORM_SHARE = 0.9
 """Least share of the norm that means over parts keep at rest; those over many turns keep less."""
 QUIET_FORCE_STEP = 0.1
 """Median step of the specific force [m/s²] above which a resting device vibrates."""
-REST_RATE = 0.6
+LARGEST_REST_RATE = 0.6
 """Largest mean rate at rest [rad/s]: the zero-rate level of consumer gyroscopes is ±30 °/s."""
-REST_NOISE = 0.006
+LARGEST_REST_STEP = 0.006
 """Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s."""
-REST_DENSITY = 0.003
+LARGEST_REST_DENSITY = 0.003
 """Largest such step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much
 again where single samples were logged."""
 PREDICTING_ROWS = 8
 """Number of rows from which the next is predicted: a spectral line takes two."""
-COARSEST_RATE = 0.003
+LARGEST_RATE_COUNT = 0.003
 """Largest count of a gyroscope [rad/s]: ±2000 °/s in 16 bits make 0.001, ±125 °/s taken as rad/s
 0.0038."""
 LEAST_DISTINCT_VALUES = 5
@@ -97,15 +97,15 @@ CELSIUS_DISTANCE_K = 10.0
 """Largest distance from the other when it is converted [K]."""
 FAHRENHEIT_SLOPE_RATIO = 1.2
 """Least ratio of its change to that of the other, unless that does not change."""
-LEAST_CHAMBER_SPAN = 5.0
+LEAST_CHAMBER_SPAN_K = 5.0
 """Span of the chamber's temperature from which the slope is compared [K]."""
-HOTTEST_RATED = 105.0
+HOTTEST_RATED_C = 105.0
 """Greatest temperature that MEMS sensors are rated for, 85 or 105 [°C]."""
-COLDEST_FAHRENHEIT = 0.0
-"""A recording beyond HOTTEST_RATED that stays above this is in °F (0 °F is −18 °C)."""
-ROOM_IN_FAHRENHEIT = (60.0, 131.0)
+COLDEST_F = 0.0
+"""A recording beyond HOTTEST_RATED_C that stays above this is in °F (0 °F is −18 °C)."""
+ROOM_RANGE_F = (60.0, 131.0)
 """Least and greatest temperature of a die switched on in a room, 15 … 55 °C, in °F."""
-ROUND_STEP = 1e-3
+ROUND_STEP_TOLERANCE = 1e-3
 """Largest relative distance of a thermometer's step from a round one."""
 
 
@@ -114,8 +114,9 @@ def admitted(
 ) -> ImuRecording:
     """Return the recording, a few impossible values left out and counted; refuse a wrong one.
 
-    `accept` names entries of ACCEPTABLE that are not checked; `sensors` False leaves out the
-    sensors, for callers that look for their defects themselves. Raises RecordingError in one line.
+    `accept` names entries of ACCEPTABLE_DEFECTS that are not checked; `sensors` False leaves out
+    the sensors, for callers that look for their defects themselves. Raises RecordingError in one
+    line.
     """
     if recording.compensated and 'compensated' not in accept:
         raise RecordingError(
@@ -150,13 +151,13 @@ def possible(field: str, *values: float) -> bool:
     >>> possible('temperature', 21.5), possible('temperature', 293.15)
     (True, False)
     """
-    low, high = POSSIBLE[field]
+    low, high = POSSIBLE_RANGES[field]
     return not any(value < low or value > high for value in values)
 
 
 def implausible(recording: ImuRecording) -> Iterator[str]:
     """Give a sentence on every sensor whose values have an implausible size."""
-    for sensor, (low, high) in NORM.items():
+    for sensor, (low, high) in NORM_RANGES.items():
         size = _median_norm(getattr(recording, SENSOR_FIELDS[sensor]))
         if np.isfinite(size) and not low <= size <= high:
             yield _size_text(sensor, size)
@@ -172,16 +173,16 @@ def rate_at_rest(recording: ImuRecording) -> str:
         return ''
     mean = float(np.linalg.norm(_median(rate)))
     seen = np.isfinite(recording.magnetic_field).any()  # else it may turn about the vertical
-    if mean > REST_RATE and seen:
+    if mean > LARGEST_REST_RATE and seen:
         return f'{mean:.3g} rad/s on average of a device at rest, as if in °/s'
     noise, shake = _step(rate), _step(recording.linear_acceleration)
     period = float(np.median(np.diff(recording.stamp))) * 1e-9
     dense = period <= DENSITY_PERIOD_S
-    most = REST_DENSITY / period**0.5 if dense else REST_NOISE
+    most = LARGEST_REST_DENSITY / period**0.5 if dense else LARGEST_REST_STEP
     if noise > most and shake < QUIET_FORCE_STEP and _unpredicted_step(rate) > most:
         return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
     count = max(map(_count, rate[:100_000].T))
-    if count > COARSEST_RATE:
+    if count > LARGEST_RATE_COUNT:
         return f'counts of {count:.2g} rad/s, coarser than any gyroscope has, as if in °/s'
     return ''
 
@@ -192,10 +193,10 @@ def unit_of_norm(sensor: str, norm: float) -> str:
     >>> unit_of_norm('accelerometer', 1.0), unit_of_norm('magnetometer', 0.45)
     ('g', 'gauss')
     """
-    low, high = NORM[sensor]
+    low, high = NORM_RANGES[sensor]
     if low <= norm <= high:
         return ''
-    fits = (u for u, factor in FACTORS[sensor].items() if low <= norm / factor <= high)
+    fits = (u for u, factor in UNIT_FACTORS[sensor].items() if low <= norm / factor <= high)
     return next(fits, '')
 
 
@@ -203,7 +204,7 @@ def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecor
     """Return the recording with single impossible values as NaN, and what has too many of them."""
     changed: dict[str, Any] = {}
     notes = []
-    for field, (low, high) in POSSIBLE.items():
+    for field, (low, high) in POSSIBLE_RANGES.items():
         values = getattr(recording, field)
         if values is None or not len(values):
             continue
@@ -216,8 +217,10 @@ def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecor
         worst = float(values[wrong][np.argmax(np.abs(values[wrong]))])
         topic = TRACK_OF_FIELD[field].topic
         together = int(np.count_nonzero(wrong_rows[1:] & wrong_rows[:-1]))
-        if together > DAMAGED_SHARE * len(values) or rows > max(ALONE_SHARE * len(values), 1):
-            if not sensors and field in LATER_JUDGED:
+        if together > DAMAGED_SHARE * len(values) or rows > max(
+            SINGLE_DAMAGED_SHARE * len(values), 1
+        ):
+            if not sensors and field in LATER_JUDGED_FIELDS:
                 continue
             return recording, (
                 f'{field} ({topic}) reaches {worst:.4g} in {rows} of {len(values)} rows, '
@@ -233,16 +236,22 @@ def _guessed(recording: ImuRecording, field: str) -> str:
     if unit := _foreign_unit(field, recording):
         return f', as if in {unit}'
     sensor = next((s for s, name in SENSOR_FIELDS.items() if name == field), '')
-    unit = unit_of_norm(sensor, _median_norm(getattr(recording, field))) if sensor in NORM else ''
+    unit = (
+        unit_of_norm(sensor, _median_norm(getattr(recording, field)))
+        if sensor in NORM_RANGES
+        else ''
+    )
     return f', as if in {unit}' if unit else ''
 
 
 def _foreign_unit(field: str, recording: ImuRecording) -> str:
-    """Return the unit of FOREIGN_UNITS that a track's numbers look like, '' for none."""
+    """Return the unit of FOREIGN_UNIT_RANGES that a track's numbers look like, '' for none."""
     values = getattr(recording, field)
-    known = values[np.isfinite(values)] if field in FOREIGN_UNITS and values is not None else ()
+    known = (
+        values[np.isfinite(values)] if field in FOREIGN_UNIT_RANGES and values is not None else ()
+    )
     middle = float(np.median(known)) if len(known) else np.nan
-    units = FOREIGN_UNITS.get(field, {}).items()
+    units = FOREIGN_UNIT_RANGES.get(field, {}).items()
     return next((unit for unit, (low, high) in units if low <= middle <= high), '')
 
 
@@ -255,7 +264,7 @@ def _foreign_pressure(recording: ImuRecording) -> str:
 
 
 def _size_text(sensor: str, size: float) -> str:
-    low, high = NORM[sensor]
+    low, high = NORM_RANGES[sensor]
     unit = unit_of_norm(sensor, size)
     guess = f', as if in {unit}' if unit else '; are these counts, or is an axis dead?'
     return (
@@ -292,13 +301,13 @@ def _alone_in_fahrenheit(temperature: FloatArray) -> str:
     step = _count(known[:100_000])
     if step and _is_round(step / 1.8) and not _is_round(step):
         place = (known[:100_000] - 32.0) / step
-        if np.abs(place - np.round(place)).max() < 10.0 * ROUND_STEP:
+        if np.abs(place - np.round(place)).max() < 10.0 * ROUND_STEP_TOLERANCE:
             return f'temperature has steps of {step:.6g}, {step / 1.8:.6g} °C, as if in °F'
     low, high = float(known.min()), float(known.max())
-    hot = np.count_nonzero(known > HOTTEST_RATED) > DAMAGED_SHARE * len(known)
-    if hot and low > COLDEST_FAHRENHEIT:
+    hot = np.count_nonzero(known > HOTTEST_RATED_C) > DAMAGED_SHARE * len(known)
+    if hot and low > COLDEST_F:
         return (
-            f'temperature is {low:.1f} … {high:.1f} °C, sensors are made for {HOTTEST_RATED:g} '
+            f'temperature is {low:.1f} … {high:.1f} °C, sensors are made for {HOTTEST_RATED_C:g} '
             'at most: as if in °F'
         )
     return ''
@@ -312,7 +321,7 @@ def _is_round(step: float) -> bool:
     """
     mantissas = np.array([1.0, 2.0, 5.0, 10.0]) * 10.0 ** np.floor(np.log10(step))
     nearest = np.append(mantissas, 2.0 ** np.round(np.log2(step)))
-    return bool((np.abs(nearest / step - 1.0) < ROUND_STEP).any())
+    return bool((np.abs(nearest / step - 1.0) < ROUND_STEP_TOLERANCE).any())
 
 
 def _hot_throughout(recording: ImuRecording) -> str:
@@ -321,7 +330,7 @@ def _hot_throughout(recording: ImuRecording) -> str:
     if recording.chamber_temperature is not None or not len(known):
         return ''
     low, high = float(known.min()), float(known.max())
-    if not (ROOM_IN_FAHRENHEIT[0] < low and high < ROOM_IN_FAHRENHEIT[1]):
+    if not (ROOM_RANGE_F[0] < low and high < ROOM_RANGE_F[1]):
         return ''
     return (
         f'temperature is {low:.1f} … {high:.1f} °C, never that of a room: where it is in °F, '
@@ -334,7 +343,7 @@ def _in_fahrenheit(y: FloatArray, x: FloatArray, *, still: bool) -> bool:
     near = abs(float(np.mean((y - 32.0) / 1.8) - np.mean(x))) < CELSIUS_DISTANCE_K
     if not near or float(np.mean(y) - np.mean(x)) <= FAHRENHEIT_EXCESS_K:
         return False
-    if np.ptp(x) < LEAST_CHAMBER_SPAN:
+    if np.ptp(x) < LEAST_CHAMBER_SPAN_K:
         return still
     return float(np.polyfit(x - x.mean(), y, 1)[0]) >= FAHRENHEIT_SLOPE_RATIO
 
@@ -344,7 +353,7 @@ def _rests(recording: ImuRecording) -> bool:
     if len(recording) < 100:
         return False
     edges = np.linspace(0, len(recording), 101).astype(int)[:-1]
-    for field, change in REST_CHANGE.items():
+    for field, change in REST_TURN_RAD.items():
         values = getattr(recording, field)
         known = np.isfinite(values).all(axis=1)
         if not known.any():
@@ -355,7 +364,7 @@ def _rests(recording: ImuRecording) -> bool:
         part = np.add.reduceat(known, edges, dtype=np.int64) > 0
         total = np.add.reduceat(kept, edges, axis=0)[part]
         norm = _norms(total)
-        if not (norm > STILL_SHARE * np.add.reduceat(_norms(kept), edges)[part]).all():
+        if not (norm > STILL_NORM_SHARE * np.add.reduceat(_norms(kept), edges)[part]).all():
             return False
         direction = total / norm[:, None]
         away = np.linalg.norm(direction - _median(direction), axis=1)

@@ -51,7 +51,7 @@ STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], ISO 80000-3."""
 GRAVITY_SHARE = 0.9
 """The axis must carry at least this share of the specific force, in most of the recording."""
-LONGEST_MESSAGE = 1000
+LONGEST_MESSAGE_CHARACTERS = 1000
 """A message is one line of at most this many characters."""
 
 
@@ -64,7 +64,7 @@ class BagError(RecordingError):
 
     def __init__(self, message: str) -> None:
         line = ' '.join(message.splitlines())  # names in damaged files hold anything
-        super().__init__(line[:LONGEST_MESSAGE])
+        super().__init__(line[:LONGEST_MESSAGE_CHARACTERS])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imu_recording.plausibility import POSSIBLE, assess, possible
+from imu_recording.plausibility import POSSIBLE_RANGES, assess, possible
 from imu_recording.recording import ImuRecording
 from imu_recording.ros.messages import ImuSample, Vector
 
@@ -22,10 +22,11 @@ JUMP_BACK_NS = 1_000_000_000
 """Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 
 Row = tuple[int, Vector, Vector, Vector, float]
-_RATE, _FORCE, _FIELD = (
-    POSSIBLE[field] for field in ('angular_velocity', 'linear_acceleration', 'magnetic_field')
+_RATE_RANGE, _FORCE_RANGE, _FIELD_RANGE = (
+    POSSIBLE_RANGES[field]
+    for field in ('angular_velocity', 'linear_acceleration', 'magnetic_field')
 )
-UNKNOWN: Vector = (np.nan, np.nan, np.nan)
+UNKNOWN_VECTOR: Vector = (np.nan, np.nan, np.nan)
 
 
 @dataclass
@@ -42,7 +43,7 @@ class StreamCheck:
     _rows: list[Row] = field(default_factory=list)
     _checked_first: bool = False
     _standing: int = 0
-    _field: Vector = UNKNOWN
+    _field: Vector = UNKNOWN_VECTOR
     _temperature: float = np.nan
 
     def on_temperature(self, temperature: float) -> bool:
@@ -53,7 +54,7 @@ class StreamCheck:
     def on_magnetic_field(self, magnetic_field: Vector) -> bool:
         """Take in a magnetic field [T]; tell whether it is possible."""
         self._field = magnetic_field
-        return self._counted(_within(magnetic_field, *_FIELD))
+        return self._counted(_within(magnetic_field, *_FIELD_RANGE))
 
     def on_imu(self, sample: ImuSample) -> bool:
         """Take in a sample; tell whether it is possible. `objection` is up to date afterwards."""
@@ -71,7 +72,7 @@ class StreamCheck:
             self._standing += 1
             if self._standing >= FIRST_SAMPLES:
                 self.objection = f'the stamps stand still at {sample.stamp} ns'
-        if _within(rate, *_RATE) and _within(force, *_FORCE):
+        if _within(rate, *_RATE_RANGE) and _within(force, *_FORCE_RANGE):
             return True
         return self._counted(is_possible=False)
 

@@ -14,14 +14,14 @@ from imu_recording.recording import FloatArray, IntArray, RecordingError
 
 ROWS_PER_BLOCK = 1 << 18
 """Rows joined at a time."""
-UNNOTED_SAMPLES = 2
+MOST_UNNOTED_SAMPLES = 2
 """Samples without a row that are not noted: topics do not end at the same instant."""
-STALE_S = 60.0
+STALE_TRACK_S = 60.0
 """Time from the end of a track to the last row from which it is noted [s]."""
-JUMP_S = 6 * 3600.0
-"""Longest gap in a run [s], unless it is shorter than JUMP_STEPS usual steps; a longer one means
-that the clock was set, or another run."""
-JUMP_STEPS = 100.0
+LONGEST_GAP_S = 6 * 3600.0
+"""Longest gap in a run [s], unless it is shorter than LONGEST_GAP_STEPS usual steps; a longer one
+means that the clock was set, or another run."""
+LONGEST_GAP_STEPS = 100.0
 LARGEST_SPAN_RATIO = 100.0
 """Largest ratio of the stamps' span to the time that the samples account for."""
 LEAST_FILLED_S = 20.0
@@ -114,12 +114,12 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
             low, high = stamp[other].min(), stamp[other].max()
             own &= (stamp[rows] < low) | (stamp[rows] > high)
         # One late message is no clock that was set back.
-        own |= len(rows) <= UNNOTED_SAMPLES
+        own |= len(rows) <= MOST_UNNOTED_SAMPLES
         if own.any():
             kept.append(rows[own])
     order = np.sort(np.concatenate(kept))
     lost = len(stamp) - len(order)
-    if lost <= UNNOTED_SAMPLES:
+    if lost <= MOST_UNNOTED_SAMPLES:
         return stamp, []
     furthest = -float(np.diff(stamp).min()) * 1e-9
     note = (
@@ -152,7 +152,7 @@ def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
     """
     step = np.diff(stamp) * 1e-9
     usual = float(np.median(step)) if len(step) else 0.0
-    jumps = np.flatnonzero(step > max(JUMP_S, JUMP_STEPS * usual))
+    jumps = np.flatnonzero(step > max(LONGEST_GAP_S, LONGEST_GAP_STEPS * usual))
     kept, note = slice(0, len(stamp)), ''
     if len(jumps):
         edges = np.array([0, *(jumps + 1), len(stamp)])
@@ -244,7 +244,7 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
     late = total - int(np.searchsorted(samples.stamp, rows[-1], side='right'))
     early = int(np.searchsorted(rows, samples.stamp[0], side='left'))
     notes = [*_lost(name, late, total)]
-    if early > UNNOTED_SAMPLES:
+    if early > MOST_UNNOTED_SAMPLES:
         notes.append(f'{name}: {early} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
     if silence > _allowed(samples.stamp):
@@ -273,7 +273,9 @@ def interpolate(rows: IntArray, samples: Samples) -> tuple[FloatArray, bool]:
 
 
 def _lost(name: str, lost: int, total: int) -> tuple[str, ...]:
-    return (f'{name}: {lost} of {total} samples found no row',) if lost > UNNOTED_SAMPLES else ()
+    return (
+        (f'{name}: {lost} of {total} samples found no row',) if lost > MOST_UNNOTED_SAMPLES else ()
+    )
 
 
 def _blocks(length: int) -> Iterator[slice]:
@@ -284,4 +286,4 @@ def _blocks(length: int) -> Iterator[slice]:
 
 def _allowed(stamp: IntArray) -> float:
     step = float(np.median(np.diff(stamp))) * 1e-9 if len(stamp) > 1 else 0.0
-    return max(STALE_S, 10.0 * step)
+    return max(STALE_TRACK_S, 10.0 * step)

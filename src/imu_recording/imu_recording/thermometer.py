@@ -12,11 +12,11 @@ from imu_recording.recording import FloatArray
 
 FEWEST_MEASUREMENTS = 50
 """Measurements from which a thermometer is assessed."""
-MISSING_ROWS = 20
+LEAST_MISSING_ROWS = 20
 """Number of missing values that is a fault."""
-CONSTANT_S = 600.0
+LONGEST_CONSTANT_S = 600.0
 """Longest time of one value; a thermometer's counts scatter, so more is a failure [s]."""
-WHOLE_TOLERANCE = 1e-6
+WHOLE_DEGREE_TOLERANCE_K = 1e-6
 """Largest distance from a whole degree: the rounding of single precision [K]."""
 
 
@@ -27,7 +27,7 @@ def is_constant(values: FloatArray) -> bool:
 
 def is_whole_degrees(values: FloatArray) -> bool:
     """Tell whether values (n,) [°C] are whole degrees, and not all the same."""
-    whole = np.abs(values - np.round(values)) <= WHOLE_TOLERANCE
+    whole = np.abs(values - np.round(values)) <= WHOLE_DEGREE_TOLERANCE_K
     return bool(whole.all()) and not is_constant(values)
 
 
@@ -64,7 +64,7 @@ class LiveThermometer:
         if changed or stamp < self._since:
             self._value, self._since, self._equal = temperature, stamp, 0
         self._equal += 1
-        if abs(temperature - round(temperature)) <= WHOLE_TOLERANCE:
+        if abs(temperature - round(temperature)) <= WHOLE_DEGREE_TOLERANCE_K:
             self._whole += 1
             self._whole_values += changed
         else:
@@ -73,10 +73,10 @@ class LiveThermometer:
     @property
     def fault(self) -> str:
         """What is wrong with the thermometer; '' where it is in order."""
-        if self._missing >= MISSING_ROWS:
+        if self._missing >= LEAST_MISSING_ROWS:
             return 'the thermometer has no value (NaN)'
         seconds = (self._newest - self._since) * 1e-9
-        if self._equal >= FEWEST_MEASUREMENTS and seconds >= CONSTANT_S:
+        if self._equal >= FEWEST_MEASUREMENTS and seconds >= LONGEST_CONSTANT_S:
             return f'the thermometer stands at {self._value:g} °C for {seconds / 60.0:.0f} min'
         if self._whole >= FEWEST_MEASUREMENTS and self._whole_values > 1:
             return 'temperature in whole degrees'

@@ -19,7 +19,7 @@ class UserError(ValueError):
     """
 
 
-WAYS_OUT = {
+ADVICE_OF_PORT_ERROR = {
     errno.ENOENT: 'no such device: is it plugged in and is this its port?',
     errno.EACCES: 'no permission: join the group the port belongs to (often dialout), log in anew',
     errno.EAGAIN: 'in use by another program: end that first',
@@ -36,8 +36,8 @@ def why_not_open(port: str, error: Exception) -> str:
     '/dev/imu: no such device: is it plugged in and is this its port?'
     """
     number = getattr(error, 'errno', None)
-    if number in WAYS_OUT:
-        return f'{port}: {WAYS_OUT[number]}'
+    if number in ADVICE_OF_PORT_ERROR:
+        return f'{port}: {ADVICE_OF_PORT_ERROR[number]}'
     return f'{port}: {os.strerror(number) if number else error}'
 
 

@@ -23,19 +23,20 @@ from orientation_filters.rotation.scalars import (
 )
 from orientation_filters.sample_checks import CheckedSample
 
-DETECTABLE_TURN = 0.02
+DETECTABLE_TURN_RAD = 0.02
 """Least angle by which gravity or field turns while the sensor moves [rad]."""
 TURN_FACTOR = 1.3
-"""A rate is a bias once, as a turn, it would have exceeded `DETECTABLE_TURN` by this factor."""
-RATE_CHANGE = 0.004
+"""Factor by which a turn of that rate would have exceeded `DETECTABLE_TURN_RAD`, from which the
+rate is a bias."""
+LARGEST_RATE_CHANGE = 0.004
 """Change of the mean rate, besides its noise, at which rest starts anew [rad/s]."""
-RATE_CHANGE_NOISE = 25.0
-"""Multiple of the noise variance by which the square of that change may exceed `RATE_CHANGE`²."""
+RATE_CHANGE_NOISE_FACTOR = 25.0
+"""Multiple of the noise variance that is added to `LARGEST_RATE_CHANGE`² [1]."""
 SURE_BIAS_RATE = 0.0026
 """Smaller rates are a bias at once [rad/s]."""
-SURE_BIAS_DURATION = 10.0
+SURE_BIAS_DURATION_S = 10.0
 """Duration of rest after which any rate is a bias, as no turn has shown [s]."""
-FIELD_FLUCTUATION = 0.05
+LARGEST_FIELD_FLUCTUATION = 0.05
 """Largest relative rms fluctuation of the field beyond what the rate explains; more: a magnet."""
 
 
@@ -103,7 +104,7 @@ def update_rest(
     means = _update_means(state, params, sample)
     gain = sample.interval / (params.time_constant + sample.interval)
     field_turn = _field_turn(means, params)
-    if _is_moving(means, params, gain) or field_turn > DETECTABLE_TURN * DETECTABLE_TURN:
+    if _is_moving(means, params, gain) or field_turn > DETECTABLE_TURN_RAD * DETECTABLE_TURN_RAD:
         return _restart(means, bias)
     return RestState(
         angular_velocity=means.angular_velocity,
@@ -166,8 +167,9 @@ def _is_moving(state: RestState, params: RestParams, gain: float) -> bool:
         variance > params.angular_velocity * params.angular_velocity
         or state.linear_acceleration_variance
         > params.linear_acceleration * params.linear_acceleration
-        or dot(change, change) > RATE_CHANGE * RATE_CHANGE + RATE_CHANGE_NOISE * gain * variance
-        or dot(fall, fall) > DETECTABLE_TURN * DETECTABLE_TURN * dot(first, first)
+        or dot(change, change)
+        > LARGEST_RATE_CHANGE * LARGEST_RATE_CHANGE + RATE_CHANGE_NOISE_FACTOR * gain * variance
+        or dot(fall, fall) > DETECTABLE_TURN_RAD * DETECTABLE_TURN_RAD * dot(first, first)
     )
 
 
@@ -180,13 +182,13 @@ def _field_turn(state: RestState, params: RestParams) -> float:
     """
     now, first, force = state.magnetic_field, state.first_field, state.linear_acceleration
     rate = state.angular_velocity
-    allowed = FIELD_FLUCTUATION + params.time_constant * sqrt(dot(rate, rate))
+    allowed = LARGEST_FIELD_FLUCTUATION + params.time_constant * sqrt(dot(rate, rate))
     if state.magnetic_field_variance > allowed * allowed * dot(now, now):
         return -1.0
     difference = subtract(now, first)
     change = dot(difference, difference)
     across, up = cross(first, force), dot(force, force)
-    if change * up <= DETECTABLE_TURN * DETECTABLE_TURN * dot(across, across):
+    if change * up <= DETECTABLE_TURN_RAD * DETECTABLE_TURN_RAD * dot(across, across):
         return 0.0
     level = dot(across, across) / up
     strength = sqrt(dot(now, now)) - sqrt(dot(first, first))
@@ -217,9 +219,9 @@ def _restart(means: RestState, bias: Vector) -> RestState:
 def is_bias(state: RestState, params: RestParams) -> bool:
     """Whether the mean rate is a bias: were it a turn, gravity or field would have shown it."""
     rested = state.duration
-    if rested < params.duration or rested >= SURE_BIAS_DURATION:
+    if rested < params.duration or rested >= SURE_BIAS_DURATION_S:
         return rested >= params.duration
     difference = subtract(state.angular_velocity, state.first_bias)
     square = dot(difference, difference)
-    limit = TURN_FACTOR * DETECTABLE_TURN
+    limit = TURN_FACTOR * DETECTABLE_TURN_RAD
     return square * rested * rested >= limit * limit or square <= SURE_BIAS_RATE * SURE_BIAS_RATE

@@ -27,27 +27,30 @@ from orientation_filters.rotation.arrays import (
     to_rotation_vector,
 )
 
-DEFAULTS = {'preset': 'robust', 'field_weight': 20.0, 'bias_random_walk': 6e-5}
+DEFAULT_PARAMETERS = {'preset': 'robust', 'field_weight': 20.0, 'bias_random_walk': 6e-5}
 """With all samples at hand heading and bias need not be found soon: errors of the field, which
 persist and affect both directions, weigh more, and the bias walks less."""
 Pair = tuple[FloatArray, FloatArray]
 """Of the filter forward and backward."""
-PACKED = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+PACKED_INDICES = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 """Rows and columns of xx, xy, xz, yy, yz, zz."""
 
 
 def run_smoother(name: str, recording: ImuRecording, **values: Any) -> OrientationResult:
     """Return the attitude of every row from all samples, before and after it.
 
-    Arguments and result are those of `run_filter`, `DEFAULTS` what is not given; `paper` has no
-    covariance to weigh with. Where one direction has no attitude the other stands.
+    Arguments and result are those of `run_filter`; what is not given is as in
+    `DEFAULT_PARAMETERS`, but `paper` has no covariance to weigh with. Where one direction has no
+    attitude the other stands.
     """
     back = reversed_in_time(recording)
     assumed = [
-        run_filter(name, r, **{**DEFAULTS, **values, 'variance_factors': False})
+        run_filter(name, r, **{**DEFAULT_PARAMETERS, **values, 'variance_factors': False})
         for r in (recording, back)
     ]
-    forward, backward = (run_filter(name, r, **{**DEFAULTS, **values}) for r in (recording, back))
+    forward, backward = (
+        run_filter(name, r, **{**DEFAULT_PARAMETERS, **values}) for r in (recording, back)
+    )
     q, covariance = weighted_mean(
         (forward.orientation, backward.orientation[::-1]),
         (assumed[0].covariance, assumed[1].covariance[::-1]),
@@ -56,7 +59,7 @@ def run_smoother(name: str, recording: ImuRecording, **values: Any) -> Orientati
     return replace(
         forward,
         orientation=q,
-        compact_covariance=covariance[:, *PACKED],
+        compact_covariance=covariance[:, *PACKED_INDICES],
         bias=np.nanmean([forward.bias, -backward.bias[::-1]], axis=0),
     )
 

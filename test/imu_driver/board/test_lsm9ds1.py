@@ -7,9 +7,9 @@ from imu_driver.board import lsm9ds1
 from imu_recording.recording import STANDARD_GRAVITY
 
 UNIT = {
-    'gyroscope': lsm9ds1.DEGREE,
+    'gyroscope': lsm9ds1.RADIANS_PER_DEGREE,
     'accelerometer': STANDARD_GRAVITY,
-    'magnetometer': lsm9ds1.GAUSS,
+    'magnetometer': lsm9ds1.TESLA_PER_GAUSS,
 }
 
 

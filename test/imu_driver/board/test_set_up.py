@@ -3,15 +3,15 @@
 
 import pytest
 from imu_driver.board.set_up import (
-    ACKNOWLEDGEMENT_TIMEOUT,
-    INFORMATION_INTERVAL,
-    MAXIMUM_TRIES,
-    RETRY_PAUSE,
+    ACKNOWLEDGEMENT_TIMEOUT_NS,
+    INFORMATION_INTERVAL_NS,
+    MOST_TRIES,
+    RETRY_PAUSE_NS,
     DeviceSetUp,
 )
 from imu_driver.wire.codec import FrameDecoder
 from imu_driver.wire.frames import (
-    REGISTER_DUMP_LENGTH,
+    REGISTER_DUMP_BYTES,
     AcknowledgementFrame,
     CommandCode,
     CommandFrame,
@@ -35,7 +35,7 @@ INFORMATION = InformationFrame(
     command_errors=0,
     supply_millivolts=3300,
     who_am_i=(0x68, 0x3D),
-    registers=(0,) * REGISTER_DUMP_LENGTH,
+    registers=(0,) * REGISTER_DUMP_BYTES,
 )
 
 
@@ -79,17 +79,17 @@ def test_settings_that_differ_are_sent_one_by_one_and_then_the_start(set_up: Dev
 
 def test_a_command_is_repeated_and_given_up_for_a_while(set_up: DeviceSetUp) -> None:
     first = sent(set_up, 2)
-    for k in range(1, MAXIMUM_TRIES):
-        assert sent(set_up, 2 + k * ACKNOWLEDGEMENT_TIMEOUT - 1) is None
-        assert sent(set_up, 2 + k * ACKNOWLEDGEMENT_TIMEOUT) == first
-    late = 2 + MAXIMUM_TRIES * ACKNOWLEDGEMENT_TIMEOUT
+    for k in range(1, MOST_TRIES):
+        assert sent(set_up, 2 + k * ACKNOWLEDGEMENT_TIMEOUT_NS - 1) is None
+        assert sent(set_up, 2 + k * ACKNOWLEDGEMENT_TIMEOUT_NS) == first
+    late = 2 + MOST_TRIES * ACKNOWLEDGEMENT_TIMEOUT_NS
     assert sent(set_up, late) is None
     set_up.stopped()
     assert sent(set_up, late) == CommandFrame(CommandCode.INFORMATION, 0)
     set_up.informed(INFORMATION, late + 1)
     assert sent(set_up, late + 2) is None, 'it pauses'
-    set_up.informed(INFORMATION, late + RETRY_PAUSE)
-    again = sent(set_up, late + RETRY_PAUSE)
+    set_up.informed(INFORMATION, late + RETRY_PAUSE_NS)
+    again = sent(set_up, late + RETRY_PAUSE_NS)
     assert again is not None
     assert (again.command, again.value) == (first.command, first.value)
 
@@ -112,7 +112,7 @@ def test_an_unknown_device_is_asked_in_both_encodings_at_intervals() -> None:
     chunk = new.outgoing(0, 'auto', known=False)
     for protocol in ('ascii', 'binary'):
         assert FrameDecoder(protocol).feed(chunk) == [CommandFrame(CommandCode.INFORMATION, 0)]
-    assert new.outgoing(INFORMATION_INTERVAL - 1, 'auto', known=False) == b''
-    assert new.outgoing(INFORMATION_INTERVAL, 'auto', known=False) == chunk
+    assert new.outgoing(INFORMATION_INTERVAL_NS - 1, 'auto', known=False) == b''
+    assert new.outgoing(INFORMATION_INTERVAL_NS, 'auto', known=False) == chunk
     new.give_up()
-    assert new.outgoing(2 * INFORMATION_INTERVAL, 'auto', known=False) == b''
+    assert new.outgoing(2 * INFORMATION_INTERVAL_NS, 'auto', known=False) == b''

@@ -19,7 +19,7 @@ from imu_driver.simulation.hidden import (
     FAULTS,
     HIDDEN_EFFECTS,
     HIDEABLE,
-    UNLOGGED,
+    UNLOGGED_EFFECTS,
     hide_anything,
     random_name,
 )
@@ -281,11 +281,13 @@ def test_every_hidden_effect_is_listed() -> None:
     }
     assert written == HIDDEN_EFFECTS
     logged = [effect for effect in written.values() if effect.logged_as]
-    assert {effect.name for effect in UNLOGGED.values()} == {effect.name for effect in logged}
+    assert {effect.name for effect in UNLOGGED_EFFECTS.values()} == {
+        effect.name for effect in logged
+    }
 
 
 def test_random_hides_every_kind_in_the_end() -> None:
     drawn = {random_name(seed) for seed in range(600)}
     assert drawn <= set(HIDEABLE)
     assert drawn >= {'nothing', *FAULTS, 'mode_crossing', 'thermal_lag'}
-    assert drawn & set(UNLOGGED)
+    assert drawn & set(UNLOGGED_EFFECTS)

@@ -9,11 +9,11 @@ from imu_driver.board.lsm9ds1 import COUNT_MAX, DEFAULT_FULL_SCALE, SENSITIVITY
 from imu_driver.simulation.devices import (
     DEVICES,
     MEAN_STD,
-    SENSOR_RATE,
+    SENSOR_RATE_HZ,
     draw_device,
 )
 from imu_driver.simulation.environment import (
-    GRAVITY,
+    LOCAL_GRAVITY,
     MAGNETIC_FIELD,
     Environment,
     constant_environment,
@@ -97,7 +97,7 @@ def test_gravity_and_field_turn_with_the_orientation() -> None:
         force = recording.linear_acceleration.mean(axis=0)
         seen[axis] = force
         up = 'xyz'.index(axis[1])
-        assert force[up] * (1 if axis[0] == '+' else -1) == pytest.approx(GRAVITY, abs=0.8)
+        assert force[up] * (1 if axis[0] == '+' else -1) == pytest.approx(LOCAL_GRAVITY, abs=0.8)
         field = recording.magnetic_field.mean(axis=0) - device.magnetometer.bias
         assert np.linalg.norm(field) == pytest.approx(np.linalg.norm(MAGNETIC_FIELD), rel=0.02)
     for up in range(3):  # the bias is what does not turn
@@ -113,7 +113,7 @@ def test_white_noise_of_samples_and_means(sensor: str) -> None:
     still = constant_environment(20.0, 4000.0)
     single = simulate_device(device, still, rate_hz=1.0, seed=1)
     mean = simulate_device(device, still, rate_hz=0.2, seed=1, mean=True)
-    for recording, wanted in ((single, np.sqrt(SENSOR_RATE)), (mean, np.sqrt(0.2))):
+    for recording, wanted in ((single, np.sqrt(SENSOR_RATE_HZ)), (mean, np.sqrt(0.2))):
         values = getattr(recording, SENSOR_FIELDS[sensor])
         std = np.diff(values, axis=0).std(axis=0) / np.sqrt(2.0)
         np.testing.assert_allclose(std, wanted * MEAN_STD[sensor], rtol=0.12)

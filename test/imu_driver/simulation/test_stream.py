@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS, scale, temperature_from_counts
 from imu_driver.simulation.devices import DEVICES
-from imu_driver.simulation.environment import GRAVITY, constant_environment
+from imu_driver.simulation.environment import LOCAL_GRAVITY, constant_environment
 from imu_driver.simulation.read_out import simulate_device
 from imu_driver.simulation.stream import SimulatedDevice
 from imu_recording.recording import SENSOR_FIELDS
@@ -48,7 +48,7 @@ def test_level_noise_and_gravity_agree_with_the_recording() -> None:
         values = getattr(recording, SENSOR_FIELDS[sensor])
         mine = samples[:, 3 * number : 3 * number + 3]
         np.testing.assert_allclose(mine.std(axis=0), values.std(axis=0), rtol=0.08)
-    assert samples[:, 3].mean() == pytest.approx(GRAVITY, abs=0.2)
+    assert samples[:, 3].mean() == pytest.approx(LOCAL_GRAVITY, abs=0.2)
     assert samples[:, 9].mean() == pytest.approx(recording.temperature.mean(), abs=0.05)
 
 

@@ -12,7 +12,7 @@ from imu_driver.wire import ascii as ascii_frames
 from imu_driver.wire import binary as binary_frames
 from imu_driver.wire.codec import FrameDecoder
 from imu_driver.wire.frames import (
-    REGISTER_DUMP_LENGTH,
+    REGISTER_DUMP_BYTES,
     AcknowledgementFrame,
     CommandFrame,
     DataFrame,
@@ -99,7 +99,7 @@ def test_what_is_no_frame(vector: list[str]) -> None:
 
 
 def test_a_dump_holds_every_register() -> None:
-    assert len(REGISTERS) == REGISTER_DUMP_LENGTH
+    assert len(REGISTERS) == REGISTER_DUMP_BYTES
 
 
 def test_register_set_up() -> None:

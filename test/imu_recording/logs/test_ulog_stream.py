@@ -71,7 +71,7 @@ def test_damage_and_a_clock_that_restarts_are_counted(
     monkeypatch.setitem(ulog.read_ulog.__kwdefaults__, 'most_rows', 1000)
     data = ulog_bytes([recording_at_rest(ROWS)])
     again = ulog_bytes([recording_at_rest(ROWS // 4, 3)], data_alone=True)
-    sync = b'\x08\x00S' + ulog_stream.SYNC
+    sync = b'\x08\x00S' + ulog_stream.SYNC_MAGIC
     torn = data + bytes(100) + sync + again
     found = import_log(written(tmp_path, torn))[0].recording
     assert len(found) == pytest.approx(ROWS / 5, abs=2)

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from imu_driver.simulation.devices import TYPICAL_SPREAD
+from imu_driver.simulation.devices import TYPICAL_STD
 from imu_recording.user_error import UserError
 from imu_workbench.__main__ import main
 from imu_workbench.fleet import engine
@@ -55,7 +55,7 @@ def test_rows_tell_the_slopes_and_a_second_run_does_only_what_changed(
     for device, _, slopes, std, hashes in found:
         wanted = np.array(truth['devices'][device]['slopes']).reshape(3, 3)
         error = np.array(slopes).reshape(3, 3) - wanted[[0, 1, 2]]
-        of_the_class = np.array([[TYPICAL_SPREAD[name][1]] for name in sorted(TYPICAL_SPREAD)])
+        of_the_class = np.array([[TYPICAL_STD[name][1]] for name in sorted(TYPICAL_STD)])
         # Hidden effects and the thermometer's own error move a slope beyond its deviation.
         assert (np.abs(error) < 6 * np.array(std).reshape(3, 3) + 0.3 * of_the_class).all()
         assert hashes == 1
@@ -119,7 +119,7 @@ def site() -> Iterator[Callable[[int], SimpleNamespace]]:
 def test_a_scheduler_without_workers_or_with_others_software_is_refused(
     fleet_bags: Path, tmp_path: Path, site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, 'CONNECT_S', 1.0)
+    monkeypatch.setattr(engine, 'CONNECT_TIMEOUT_S', 1.0)
     with (
         pytest.raises(UserError, match='it has no workers; start `dask worker tcp://'),
         connected(Cluster(site(0).address)),

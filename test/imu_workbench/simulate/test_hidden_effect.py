@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_driver.simulation.devices import MEAN_STD
-from imu_driver.simulation.hidden import UNLOGGED
+from imu_driver.simulation.hidden import UNLOGGED_EFFECTS
 from imu_recording.recording import SENSOR_FIELDS, columns_hash
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import (
@@ -44,7 +44,7 @@ def test_an_effect_changes_its_sensor_and_no_other(plain: SimulatedCampaign, sen
             assert same == (part != sensor)
 
 
-@pytest.mark.parametrize('name', UNLOGGED)
+@pytest.mark.parametrize('name', UNLOGGED_EFFECTS)
 def test_an_unlogged_cause_leaves_no_track(name: str) -> None:
     found = campaign(name)
     assert (found.truths[0].name, found.truths[0].kind) == (None, 'unlogged')

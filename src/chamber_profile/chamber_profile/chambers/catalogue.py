@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from chamber_profile.chambers.chamber import Chamber
 from chamber_profile.chambers.espec import ESPEC
-from chamber_profile.chambers.line import TIMEOUT_S, Line
+from chamber_profile.chambers.line import ANSWER_TIMEOUT_S, Line
 from chamber_profile.chambers.protocol import ChamberAddressError, ChamberProtocol
 from chamber_profile.chambers.votsch import ASCII2, SIMSERV
 from chamber_profile.chambers.watlow_f4 import WATLOW_F4
@@ -20,15 +20,17 @@ CHAMBERS: dict[str, ChamberProtocol] = {
     'simserv': SIMSERV,
     'watlow_f4': WATLOW_F4,
 }
-GROUP = 'chamber_profile.chambers'
+ENTRY_POINT_GROUP = 'chamber_profile.chambers'
 """Entry point group of further protocols: a ChamberProtocol, or its function `make`."""
 
-EXAMPLES = 'simulated, espec+tcp://192.168.0.5:10001, watlow_f4+serial:///dev/ttyUSB0?address=1'
+EXAMPLE_ADDRESSES = (
+    'simulated, espec+tcp://192.168.0.5:10001, watlow_f4+serial:///dev/ttyUSB0?address=1'
+)
 
 
 def known_chambers() -> dict[str, ChamberProtocol]:
     """Return the catalogue with the protocols of other packages."""
-    others = {point.name: point.load() for point in entry_points(group=GROUP)}
+    others = {point.name: point.load() for point in entry_points(group=ENTRY_POINT_GROUP)}
     return {
         name: other if isinstance(other, ChamberProtocol) else ChamberProtocol(other)
         for name, other in others.items()
@@ -47,11 +49,11 @@ def open_chamber(address: str) -> Chamber:
     known = known_chambers()
     if name not in known or transport not in ('tcp', 'serial'):
         raise ChamberAddressError(
-            f'chamber is {address!r}; write e.g. {EXAMPLES} '
+            f'chamber is {address!r}; write e.g. {EXAMPLE_ADDRESSES} '
             f'(protocols: simulated, {", ".join(sorted(known))})'
         )
     protocol = known[name]
-    timeout = _whole(address, query, 'timeout', round(TIMEOUT_S))
+    timeout = _whole(address, query, 'timeout', round(ANSWER_TIMEOUT_S))
     baudrate = _whole(address, query, 'baudrate', protocol.baudrate)
     options = _options(address, query, protocol)
     line = Line(_port(address, transport, rest), baudrate, float(timeout))

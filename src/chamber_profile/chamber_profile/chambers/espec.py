@@ -11,8 +11,8 @@ from chamber_profile.chambers.chamber import ChamberError, ChamberReading, Chamb
 from chamber_profile.chambers.line import Line, until
 from chamber_profile.chambers.protocol import ChamberProtocol
 
-END = b'\r\n'
-RUNNING = ('CONSTANT', 'RUN')
+LINE_END = b'\r\n'
+RUNNING_MODES = ('CONSTANT', 'RUN')
 """Modes in which the chamber conditions the air (`RUN …` with a program)."""
 
 
@@ -44,7 +44,7 @@ class EspecChamber:
         alarms: tuple[str, ...] = ()
         if int(_number(fields[3])):
             alarms = tuple(self._ask('ALARM?').split(',')[1:]) or ('unknown',)
-        running = fields[2].strip().split(' ')[0] in RUNNING
+        running = fields[2].strip().split(' ')[0] in RUNNING_MODES
         return ChamberReading(
             air=air, setpoint=setpoint, running=running, alarms=alarms, humidity=humidity
         )
@@ -86,9 +86,9 @@ class EspecChamber:
         return air, setpoint, high, low
 
     def _ask(self, request: str) -> str:
-        raw = self._line.ask((self._prefix + request).encode('ascii') + END, until(END))
+        raw = self._line.ask((self._prefix + request).encode('ascii') + LINE_END, until(LINE_END))
         try:
-            answer = raw[: -len(END)].decode('ascii')
+            answer = raw[: -len(LINE_END)].decode('ascii')
         except UnicodeDecodeError as error:
             self._line.close()
             raise ChamberError(f'ESPEC: {request} answered {raw!r}') from error

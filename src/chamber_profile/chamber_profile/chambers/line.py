@@ -14,7 +14,7 @@ from imu_recording.user_error import why_not_open
 
 from chamber_profile.chambers.chamber import ChamberError
 
-TIMEOUT_S = 3.0
+ANSWER_TIMEOUT_S = 3.0
 """Time a chamber may take to answer [s]."""
 
 
@@ -27,7 +27,7 @@ class Line:
 
     port: str
     baudrate: int = 19200
-    timeout_s: float = TIMEOUT_S
+    timeout_s: float = ANSWER_TIMEOUT_S
     pause_s: float = 0.0
     """Pause between an answer and the next request [s]."""
     _serial: serial.SerialBase | None = field(default=None, repr=False)

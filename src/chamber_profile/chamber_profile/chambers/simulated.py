@@ -14,7 +14,7 @@ from chamber_profile.chambers import climate as physics
 from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
 from chamber_profile.chambers.climate import Climate
 
-RANGE_C = (-70.0, 180.0)
+AIR_RANGE_C = (-70.0, 180.0)
 """Temperature range of the simulated chamber [°C]."""
 _NOISE_ROWS = 4096
 
@@ -48,7 +48,7 @@ class SimulatedChamber:
         self.climate = drawn_climate(self._rng)
         self.state = physics.initial_state(self.climate)
         self.setpoint = 23.0
-        self.limits = RANGE_C
+        self.limits = AIR_RANGE_C
         self.running = False
         self._advance, self._sensed = self._entries()
         self.alarms: tuple[str, ...] = ()
@@ -116,8 +116,8 @@ class SimulatedChamber:
 
     def set_limits(self, low_c: float, high_c: float) -> None:
         """Program the limits; outside them the chamber stops with an alarm."""
-        if not RANGE_C[0] <= low_c < high_c <= RANGE_C[1]:
-            reach = f'{RANGE_C[0]:g} … {RANGE_C[1]:g} °C'
+        if not AIR_RANGE_C[0] <= low_c < high_c <= AIR_RANGE_C[1]:
+            reach = f'{AIR_RANGE_C[0]:g} … {AIR_RANGE_C[1]:g} °C'
             raise ChamberRefusalError(f'limits {low_c:g} … {high_c:g} °C, it reaches {reach}')
         self.limits = (low_c, high_c)
 

@@ -13,7 +13,7 @@ from chamber_profile.chambers.chamber import ChamberError, ChamberReading, Chamb
 from chamber_profile.chambers.line import Line, until
 from chamber_profile.chambers.protocol import ChamberProtocol
 
-BITS = 32
+DIGITAL_CHANNELS = 32
 SEPARATOR = b'\xb6'
 STATUS_RUNNING, STATUS_ALARM = 2, 8
 """Bits of SIMSERV's status: 1 stands by, 3 runs, + 4 warning, + 8 alarm."""
@@ -109,7 +109,11 @@ class Ascii2Chamber:
             values = [float(field) for field in fields]
         except ValueError:
             values = []
-        if len(values) != self._layout.n_read or len(bits) != BITS or set(bits) - {'0', '1'}:
+        if (
+            len(values) != self._layout.n_read
+            or len(bits) != DIGITAL_CHANNELS
+            or set(bits) - {'0', '1'}
+        ):
             self._line.close()
             raise ChamberError(f'ASCII-2: I answered {raw!r}, expected {self._layout}')
         return values, bits

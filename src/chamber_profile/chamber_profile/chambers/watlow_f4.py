@@ -21,7 +21,7 @@ LIMIT_LOW, LIMIT_HIGH, DECIMALS, UNITS = 602, 603, 606, 901
 TERMINATE_PROFILE = 1217
 EMULATOR_MARK, EMULATED = 9999, 0x454D
 """A register no F4 has, and the value an emulator has there."""
-RUNNING_PROFILE = (2, 3)
+RUNNING_STATUSES = (2, 3)
 RTU_PAUSE_S = 0.03
 """Silence between two RTU requests [s]."""
 
@@ -91,7 +91,7 @@ class WatlowF4Chamber:
 
     def run(self) -> None:
         """End the controller's own profile where one runs, then switch the chamber on."""
-        if self._registers.read(PROFILE_STATUS)[0] in RUNNING_PROFILE:
+        if self._registers.read(PROFILE_STATUS)[0] in RUNNING_STATUSES:
             self._registers.write(TERMINATE_PROFILE, 1)
         self._registers.write(self._event, 1)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from chamber_profile.chambers.chamber import ChamberRefusalError
 from chamber_profile.emulators.plant import EmulatedPlant
 
-END = b'\r\n'
+LINE_END = b'\r\n'
 _SETTING = re.compile(r'([SHL])\s*(-?\d+(?:\.\d+)?)')
 
 
@@ -23,12 +23,12 @@ class EspecServer:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Return one answer per line received; lines for other addresses get none."""
-        *lines, self._pending = (self._pending + data).split(END)
+        *lines, self._pending = (self._pending + data).split(LINE_END)
         answers = []
         for line in lines:
             text = line.decode('ascii', 'replace').strip()
             if text.startswith(self._prefix):
-                answers.append(self._answer(text[len(self._prefix) :]).encode('ascii') + END)
+                answers.append(self._answer(text[len(self._prefix) :]).encode('ascii') + LINE_END)
         return answers
 
     def _answer(self, request: str) -> str:

@@ -26,7 +26,7 @@ FAULTS = {
 
 DISCONNECT_S = 2.0
 _PATTERN = re.compile(r'^([a-z_]+)@(\d+(?:\.\d+)?)(?:\+(\d+(?:\.\d+)?))?$')
-_ALARM = '4'
+_ALARM_CODE = '4'
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class FaultPlan:
         if 'stuck_compressor' in names:
             self._plant.stick_compressor(stuck='stuck_compressor' in active)
         if 'alarms' in active:
-            chamber.alarms = (_ALARM,)
-        elif chamber.alarms == (_ALARM,):
+            chamber.alarms = (_ALARM_CODE,)
+        elif chamber.alarms == (_ALARM_CODE,):
             chamber.alarms = ()
         for fault in self._faults:
             if fault.name == 'operator_stop' and fault.active(now) and fault not in self._stopped:

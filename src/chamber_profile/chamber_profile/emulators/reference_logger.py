@@ -19,11 +19,11 @@ from chamber_profile.emulators.endpoint import (
     open_endpoint,
 )
 
-PERIOD_S = 1.0
+LINE_PERIOD_S = 1.0
 """Time between two lines [s]."""
-DEVICE_TIME_S = 180.0
+DEVICE_TIME_CONSTANT_S = 180.0
 """Time constant of a device behind the air [s]."""
-SELF_HEATING_C = 1.2
+SELF_HEATING_K = 1.2
 """Temperature of a device above the air [K]."""
 
 
@@ -43,15 +43,15 @@ class LoggerSensors:
         self._rng = np.random.default_rng(seed)
         self._offsets = self._rng.normal(0.0, 0.05, 2)
         self._couple_offsets = self._rng.normal(0.0, 0.3, devices)
-        self._devices = np.full(devices, air_c[0] + SELF_HEATING_C)
+        self._devices = np.full(devices, air_c[0] + SELF_HEATING_K)
         self._at = float(time_s[0])
 
     def line(self, time_s: float) -> str:
         """Return the logger's line at a time [s]: time, PT100, PT100, thermocouples."""
         air = float(np.interp(time_s, self._time, self._air))
-        share = 1.0 - np.exp(-max(time_s - self._at, 0.0) / DEVICE_TIME_S)
+        share = 1.0 - np.exp(-max(time_s - self._at, 0.0) / DEVICE_TIME_CONSTANT_S)
         self._at = max(time_s, self._at)
-        self._devices += share * (air + SELF_HEATING_C - self._devices)
+        self._devices += share * (air + SELF_HEATING_K - self._devices)
         probes = air + self._offsets + self._rng.normal(0.0, 0.01, 2)
         noise = self._rng.normal(0.0, 0.05, len(self._devices))
         couples = self._devices + self._couple_offsets + noise
@@ -110,7 +110,7 @@ def main(argv: list[str] | None = None) -> int:
         while not interrupted:
             endpoint.serve(0.05, set)
             if time.monotonic() >= due:
-                due += PERIOD_S
+                due += LINE_PERIOD_S
                 now = (time.monotonic() - began) * options.time_scale
                 endpoint.send(sensors.line(now).encode('ascii') + b'\r\n')
     finally:

@@ -19,8 +19,8 @@ from chamber_profile.chambers.chamber import ChamberRefusalError
 from chamber_profile.chambers.modbus import framer
 from chamber_profile.emulators.plant import EmulatedPlant
 
-SCALE = 10.0
-EVENT = watlow_f4.event_register(1)
+COUNTS_PER_UNIT = 10.0
+EVENT_REGISTER = watlow_f4.event_register(1)
 MAX_FRAME_BYTES = 260
 """Longest frame of Modbus, that of TCP; more bytes without a frame are dropped."""
 
@@ -62,15 +62,15 @@ class F4Registers:
             chamber.stop()
         low, high = chamber.limits
         table = {
-            watlow_f4.PROCESS_VALUE: chamber.read().air * SCALE,
+            watlow_f4.PROCESS_VALUE: chamber.read().air * COUNTS_PER_UNIT,
             103: 100.0 * self._plant.heater_percent,
             watlow_f4.PROFILE_STATUS: 0,
-            watlow_f4.SETPOINT: chamber.setpoint * SCALE,
-            watlow_f4.LIMIT_LOW: low * SCALE,
-            watlow_f4.LIMIT_HIGH: high * SCALE,
+            watlow_f4.SETPOINT: chamber.setpoint * COUNTS_PER_UNIT,
+            watlow_f4.LIMIT_LOW: low * COUNTS_PER_UNIT,
+            watlow_f4.LIMIT_HIGH: high * COUNTS_PER_UNIT,
             watlow_f4.DECIMALS: 1,
             watlow_f4.UNITS: 1,
-            EVENT: int(chamber.running),
+            EVENT_REGISTER: int(chamber.running),
             watlow_f4.EMULATOR_MARK: watlow_f4.EMULATED,
         }
         return [round(table[request.address + i]) & 0xFFFF for i in range(request.count)]
@@ -81,12 +81,12 @@ class F4Registers:
         if self._plant.refuses:
             raise ChamberRefusalError('locked')
         if register == watlow_f4.SETPOINT:
-            chamber.set_temperature(value / SCALE)
+            chamber.set_temperature(value / COUNTS_PER_UNIT)
         elif register == watlow_f4.LIMIT_LOW:
-            chamber.set_limits(value / SCALE, chamber.limits[1])
+            chamber.set_limits(value / COUNTS_PER_UNIT, chamber.limits[1])
         elif register == watlow_f4.LIMIT_HIGH:
-            chamber.set_limits(chamber.limits[0], value / SCALE)
-        elif register == EVENT:
+            chamber.set_limits(chamber.limits[0], value / COUNTS_PER_UNIT)
+        elif register == EVENT_REGISTER:
             if value:
                 chamber.run()
             else:

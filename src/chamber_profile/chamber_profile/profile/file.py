@@ -15,13 +15,13 @@ from chamber_profile.profile.check import ProfileError, checked_content
 from chamber_profile.profile.unroll import signed_axis, unrolled_steps
 from chamber_profile.profile.values import OnAbort, Profile, ProfileLimits, Record
 
-SHIPPED = Path(__file__).parent / 'shipped'
+SHIPPED_FOLDER = Path(__file__).parent / 'shipped'
 """Folder of the profiles that ship."""
 
 
 def profile_names() -> list[str]:
     """Return the names of the profiles that ship."""
-    return sorted(path.stem for path in SHIPPED.glob('*.yaml'))
+    return sorted(path.stem for path in SHIPPED_FOLDER.glob('*.yaml'))
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
@@ -30,7 +30,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
     Raises ProfileError with everything that is wrong at once, each with its place in the file.
     """
     path = Path(name_or_path)
-    shipped = SHIPPED / f'{name_or_path}.yaml'
+    shipped = SHIPPED_FOLDER / f'{name_or_path}.yaml'
     if path.parent == Path() and not path.suffix and shipped.is_file():
         path = shipped
     try:

@@ -9,7 +9,7 @@ from typing import Any
 
 from chamber_profile.profile.values import OPERATOR_PHASE, Profile, Stabilisation, Step
 
-REFERENCE_BAND_C = 2.0
+REFERENCE_BAND_K = 2.0
 """A dwell this close to the first step's temperature is a reference dwell [K]."""
 TURN_DURATION_S = 900.0
 """Expected time to open the chamber and turn the devices [s]."""
@@ -57,11 +57,11 @@ def closed_steps(profile: Profile) -> tuple[Step, ...]:
     """Return all steps, with a ramp to the safe temperature where they do not end there."""
     steps = campaign_steps(profile)
     last, safe = steps[-1], profile.on_abort
-    if abs(last.target_c - safe.target_c) <= REFERENCE_BAND_C:
+    if abs(last.target_c - safe.target_c) <= REFERENCE_BAND_K:
         return steps
     phase = _phase('ramp', last.target_c, safe.target_c, safe.target_c)
     criterion = Stabilisation(
-        band_c=REFERENCE_BAND_C, timeout_s=safe.timeout_s, on_timeout='continue'
+        band_c=REFERENCE_BAND_K, timeout_s=safe.timeout_s, on_timeout='continue'
     )
     closing = Step(
         id='to_safe',
@@ -133,7 +133,7 @@ def _phase(kind: str, before: float, target: float, reference: float) -> str:
         return 'ramp_up' if target > before else 'ramp_down'
     if kind != 'dwell':
         return OPERATOR_PHASE if kind == 'operator' else kind
-    if abs(target - reference) <= REFERENCE_BAND_C:
+    if abs(target - reference) <= REFERENCE_BAND_K:
         return 'dwell_reference'
     return 'dwell_cold' if target < reference else 'dwell_hot'
 

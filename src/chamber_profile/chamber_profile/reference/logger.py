@@ -30,16 +30,18 @@ def parse_columns(entries: Sequence[str]) -> dict[int, str]:
     for entry in entries:
         number, separator, topic = entry.partition('=')
         if not (separator and number.strip().isdecimal() and topic.strip()):
-            raise ColumnError(f'columns: {entry!r}, expected COLUMN=TOPIC, e.g. {_EXAMPLE}')
+            raise ColumnError(
+                f'columns: {entry!r}, expected COLUMN=TOPIC, e.g. {_EXAMPLE_MAPPING}'
+            )
         if int(number) in columns or topic.strip() in columns.values():
             raise ColumnError(f'columns: {entry!r} is given twice')
         columns[int(number)] = topic.strip()
     if not columns:
-        raise ColumnError(f'columns is empty, expected e.g. {_EXAMPLE}')
+        raise ColumnError(f'columns is empty, expected e.g. {_EXAMPLE_MAPPING}')
     return columns
 
 
-_EXAMPLE = "'1=chamber/temperature'"
+_EXAMPLE_MAPPING = "'1=chamber/temperature'"
 
 
 @dataclass

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from imu_recording.ros.parameter import NodeConfig, ParameterError, parameter
 
-from chamber_profile.chambers.catalogue import EXAMPLES, open_chamber
+from chamber_profile.chambers.catalogue import EXAMPLE_ADDRESSES, open_chamber
 from chamber_profile.profile.file import load_profile, profile_names
 from chamber_profile.profile.unroll import signed_axis
 from chamber_profile.profile.values import Profile
@@ -22,9 +22,9 @@ from chamber_profile.run.journal import holds_run, load_run
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import DONE, FINISHED, IDLE, Progress
 
-PERIOD_S = 0.5
+STEP_PERIOD_S = 0.5
 """Period of a run's steps [s of the chamber]."""
-MIN_PERIOD_S = 0.02
+MIN_STEP_PERIOD_S = 0.02
 """Least period of them [s of the host]."""
 
 
@@ -33,7 +33,7 @@ class ChamberConfig(NodeConfig):
     """Parameters of chamber_profile_node."""
 
     profile: str = parameter('', f'Profile file, or one of {", ".join(profile_names())}')
-    chamber: str = parameter('simulated', f'The chamber: {EXAMPLES}')
+    chamber: str = parameter('simulated', f'The chamber: {EXAMPLE_ADDRESSES}')
     start: bool = parameter(False, 'Begin the run at activation and exit at its end')
     orientation: str = parameter(
         '', 'Sensor axis that points up, where the profile does not say',
@@ -91,7 +91,7 @@ def open_run(
     link = ChamberLink(chamber, clocks.host, config.time_scale)
     sequencer = Sequencer(profile, progress=progress, timeout_factor=max(config.time_scale, 1.0))
     conductor = Conductor(sequencer, link, directory, clocks, external)
-    period = max(PERIOD_S / config.time_scale, MIN_PERIOD_S)
+    period = max(STEP_PERIOD_S / config.time_scale, MIN_STEP_PERIOD_S)
     return Run(
         conductor=conductor,
         directory=directory,

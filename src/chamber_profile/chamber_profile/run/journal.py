@@ -19,7 +19,7 @@ from chamber_profile.run.values import FINISHED, IDLE, Note, Progress
 
 JOURNAL_FILE = 'journal.jsonl'
 PROFILE_FILE = 'profile.yaml'
-FORMAT = 1
+FORMAT_VERSION = 1
 
 
 class JournalError(UserError):
@@ -61,7 +61,7 @@ class Journal:
             {
                 'stamp': stamp,
                 'event': 'open',
-                'format': FORMAT,
+                'format': FORMAT_VERSION,
                 'profile': profile.name,
                 'sha256': profile.sha256,
                 'orientations': list(profile.orientations),

@@ -35,7 +35,7 @@ from chamber_profile.run.values import (
     Progress,
 )
 
-FRAME = 'chamber'
+FRAME_ID = 'chamber'
 OUTPUTS: dict[str, type] = {
     track.topic: message_class(track.message_type)
     for track in TRACKS
@@ -57,10 +57,10 @@ def chamber_messages(snapshot: RunSnapshot) -> Iterator[tuple[str, Any]]:
     }
     for topic, value in temperatures.items():
         if value is not None:
-            sample = TemperatureSample(snapshot.stamp, value, frame_id=FRAME)
+            sample = TemperatureSample(snapshot.stamp, value, frame_id=FRAME_ID)
             yield topic, temperature_from_sample(sample)
     if reading.humidity is not None:
-        yield 'chamber/humidity', humidity_message(snapshot.stamp, reading.humidity, FRAME)
+        yield 'chamber/humidity', humidity_message(snapshot.stamp, reading.humidity, FRAME_ID)
     states = {'heater': reading.heater, 'compressor': reading.compressor, 'fan': reading.fan}
     for name, state in states.items():
         if state is not None:

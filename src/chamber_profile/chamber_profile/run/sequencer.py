@@ -43,9 +43,9 @@ from chamber_profile.run.values import (
     Switch,
 )
 
-SAFE_BAND_C = 2.0
+SAFE_BAND_K = 2.0
 """Largest distance from the target at which the chamber may be opened or switched off [K]."""
-CONDENSATION_MARGIN_C = 1.0
+CONDENSATION_MARGIN_K = 1.0
 """Largest distance below ambient at which nothing condenses on devices [K]."""
 MAX_TICK_S = 10.0
 """Longest gap between two ticks that counts: the programmed temperature never jumps [s]."""
@@ -276,9 +276,9 @@ class Sequencer:
         if readings.air is None:
             return []
         coldest = readings.air if readings.device is None else min(readings.air, readings.device)
-        if coldest < self.profile.ambient_c - CONDENSATION_MARGIN_C:
+        if coldest < self.profile.ambient_c - CONDENSATION_MARGIN_K:
             return []
-        if abs(readings.air - self.step.target_c) > SAFE_BAND_C:
+        if abs(readings.air - self.step.target_c) > SAFE_BAND_K:
             return []
         return self._enter_stage(CONFIRM, prompt=self.step.prompt)
 
@@ -352,7 +352,7 @@ class Sequencer:
 
     def _is_safe(self, readings: Readings, setpoint: float) -> bool:
         written = setpoint == self.profile.on_abort.target_c and self._orders.has_written(setpoint)
-        return written and readings.air is not None and abs(readings.air - setpoint) <= SAFE_BAND_C
+        return written and readings.air is not None and abs(readings.air - setpoint) <= SAFE_BAND_K
 
     def _time_to_safe(self) -> float:
         """Return the time allowed to reach the safe temperature [s]."""

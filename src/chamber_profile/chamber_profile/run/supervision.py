@@ -10,7 +10,7 @@ from chamber_profile.run.values import LINK_OK, Readings
 
 MIN_FREE_BYTES = 1 << 30
 """Least free space where a run is recorded [bytes]."""
-LIMIT_MARGIN_C = 1.0
+LIMIT_MARGIN_K = 1.0
 """Overshoot of the air beyond the profile's limits that is tolerated [K]."""
 
 
@@ -57,7 +57,7 @@ def trip_reason(profile: Profile, readings: Readings, *, waiting: bool) -> str:
         return f'alarm {", ".join(readings.alarms)}'
     limits = profile.limits
     air, device = readings.air, readings.device
-    low, high = limits.air_min_c - LIMIT_MARGIN_C, limits.air_max_c + LIMIT_MARGIN_C
+    low, high = limits.air_min_c - LIMIT_MARGIN_K, limits.air_max_c + LIMIT_MARGIN_K
     if air is not None and not low <= air <= high:
         return f'air at {air:.1f} °C, limits {limits.air_min_c:g} … {limits.air_max_c:g} °C'
     low, high = limits.device_min_c, limits.device_max_c

@@ -21,7 +21,7 @@ HALF_RANGE: Final = 1 << 31
 
 LARGEST_SKEW: Final = 1e-2
 """Relative; more than a ceramic resonator is off, let alone a crystal."""
-SKEW_BASELINE: Final = 5.0
+SKEW_BASELINE_S: Final = 5.0
 """[s] Shortest span of data that determines the skew under delays of milliseconds."""
 STEP_S: Final = 0.5
 """[s] Change of the delay above which the host's clock has stepped."""
@@ -57,7 +57,7 @@ class ConvexHull:
         point, every sample of the later half was delayed: then the slope found last holds.
         """
         points = self.points
-        if points[-1][0] - points[0][0] >= SKEW_BASELINE:
+        if points[-1][0] - points[0][0] >= SKEW_BASELINE_S:
             middle = 0.5 * (points[0][0] + points[-1][0])
             index = bisect_left(points, (middle,))
             if index < len(points) - 1:

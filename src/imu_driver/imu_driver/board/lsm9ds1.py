@@ -20,9 +20,9 @@ import numpy as np
 from imu_recording.recording import STANDARD_GRAVITY, FloatArray
 from imu_recording.user_error import UserError
 
-DEGREE: Final = math.pi / 180.0
+RADIANS_PER_DEGREE: Final = math.pi / 180.0
 """[rad] in one degree."""
-GAUSS: Final = 1e-4
+TESLA_PER_GAUSS: Final = 1e-4
 """[T] in one gauss."""
 
 SENSORS: Final = ('gyroscope', 'accelerometer', 'magnetometer')
@@ -32,9 +32,9 @@ FULL_SCALE_UNITS: Final = {'gyroscope': 'dps', 'accelerometer': 'g', 'magnetomet
 
 SENSITIVITY: Final[dict[str, dict[float, float]]] = {
     'gyroscope': {  # table 3, G_So [mdps/LSB] → [rad/s/LSB]
-        245.0: 8.75e-3 * DEGREE,
-        500.0: 17.50e-3 * DEGREE,
-        2000.0: 70.0e-3 * DEGREE,
+        245.0: 8.75e-3 * RADIANS_PER_DEGREE,
+        500.0: 17.50e-3 * RADIANS_PER_DEGREE,
+        2000.0: 70.0e-3 * RADIANS_PER_DEGREE,
     },
     'accelerometer': {  # table 3, LA_So [mg/LSB] → [m/s²/LSB]; 16 g is no power of two
         2.0: 0.061e-3 * STANDARD_GRAVITY,
@@ -43,10 +43,10 @@ SENSITIVITY: Final[dict[str, dict[float, float]]] = {
         16.0: 0.732e-3 * STANDARD_GRAVITY,
     },
     'magnetometer': {  # table 3, M_GN [mgauss/LSB] → [T/LSB]
-        4.0: 0.14e-3 * GAUSS,
-        8.0: 0.29e-3 * GAUSS,
-        12.0: 0.43e-3 * GAUSS,
-        16.0: 0.58e-3 * GAUSS,
+        4.0: 0.14e-3 * TESLA_PER_GAUSS,
+        8.0: 0.29e-3 * TESLA_PER_GAUSS,
+        12.0: 0.43e-3 * TESLA_PER_GAUSS,
+        16.0: 0.58e-3 * TESLA_PER_GAUSS,
     },
 }
 """SI units per count for each selectable full scale in datasheet units (FULL_SCALE_UNITS)."""
@@ -86,16 +86,16 @@ MAGNETOMETER_RATES: Final[dict[float, int]] = {  # table 111
 }
 """[Hz] → bits DO of CTRL_REG1_M."""
 
-TEMPERATURE_RATE: Final = 59.5
+TEMPERATURE_RATE_HZ: Final = 59.5
 """[Hz] Refresh of the temperature register while the gyroscope runs (table 5)."""
-TEMPERATURE_SENSITIVITY: Final = 1.0 / 16.0
+TEMPERATURE_SENSITIVITY_C: Final = 1.0 / 16.0
 """[°C/LSB] (table 5)."""
-TEMPERATURE_ZERO: Final = 25.0
+ZERO_COUNT_TEMPERATURE_C: Final = 25.0
 """[°C] at count 0 (table 5, typical; absolute accuracy is not specified)."""
 
-SUPPLY_VOLTAGE: Final = (1.9, 3.6)
+SUPPLY_VOLTAGE_RANGE_V: Final = (1.9, 3.6)
 """[V] Vdd, minimum and maximum (table 4)."""
-OPERATING_TEMPERATURE: Final = (-40.0, 85.0)
+OPERATING_TEMPERATURE_RANGE_C: Final = (-40.0, 85.0)
 """[°C] minimum and maximum (table 4)."""
 
 AXIS_SIGNS: Final[dict[str, tuple[int, int, int]]] = {
@@ -134,7 +134,7 @@ MAGNETOMETER_REGISTERS: Final = {  # table 22
 REGISTERS: Final = (*ACCELEROMETER_GYROSCOPE_REGISTERS, *MAGNETOMETER_REGISTERS)
 """Names of the registers of a dump, in the order of its bytes."""
 
-TEMP_COMP: Final = 0x80
+TEMP_COMP_BIT: Final = 0x80
 """Bit of CTRL_REG1_M: the magnetometer compensates its own temperature error (table 109)."""
 
 
@@ -152,7 +152,7 @@ def register_set_up(
     """
     rate = OUTPUT_DATA_RATES[output_data_rate] << 5
     code = {sensor: FULL_SCALE_CODES[sensor][full_scale[sensor]] for sensor in SENSORS}
-    compensation = TEMP_COMP if magnetometer_temperature_compensation else 0
+    compensation = TEMP_COMP_BIT if magnetometer_temperature_compensation else 0
     return {
         'CTRL_REG1_G': rate | code['gyroscope'] << 3,
         'CTRL_REG2_G': 0x00,
@@ -175,7 +175,7 @@ def register_set_up(
 
 def compensates_magnetometer_temperature(registers: Sequence[int]) -> bool:
     """Return whether a dump (REGISTERS) has the magnetometer compensate its temperature error."""
-    return bool(registers[REGISTERS.index('CTRL_REG1_M')] & TEMP_COMP)
+    return bool(registers[REGISTERS.index('CTRL_REG1_M')] & TEMP_COMP_BIT)
 
 
 def nearest_rate(rate_hz: float) -> float:
@@ -185,7 +185,7 @@ def nearest_rate(rate_hz: float) -> float:
 
 def temperature_from_counts(counts: int) -> float:
     """Return the die temperature [°C] of a temperature count."""
-    return TEMPERATURE_ZERO + counts * TEMPERATURE_SENSITIVITY
+    return ZERO_COUNT_TEMPERATURE_C + counts * TEMPERATURE_SENSITIVITY_C
 
 
 def scale(sensor: str, full_scale: float) -> FloatArray:

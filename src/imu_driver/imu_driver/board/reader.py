@@ -12,15 +12,15 @@ from imu_driver.board.sample import Sample
 from imu_driver.board.session import DeviceSession, WarningEvent
 from imu_driver.board.transport import Transport
 
-FIRST_RETRY: Final = 0.2
+FIRST_RETRY_S: Final = 0.2
 """[s] Pause after the first failed attempt to open the line; it doubles with each."""
-LAST_RETRY: Final = 1.0
+LONGEST_RETRY_S: Final = 1.0
 """[s] Longest pause between two attempts."""
-ASK_AFTER_SILENCE: Final = 1.0
+ASK_AFTER_SILENCE_S: Final = 1.0
 """[s] A device that has sent nothing for this long is asked for information."""
-REOPEN_AFTER_SILENCE: Final = 5.0
+REOPEN_AFTER_SILENCE_S: Final = 5.0
 """[s] A line on which nothing came for this long is closed and opened again."""
-SAMPLES_WORTH_WAITING: Final = 1.5
+LEAST_SAMPLES_PER_READ: Final = 1.5
 """Samples within `read_period` from which reads are that far apart."""
 
 
@@ -71,16 +71,16 @@ class DeviceReader:
         self._thread.join()
 
     def _run(self) -> None:
-        retry = FIRST_RETRY
+        retry = FIRST_RETRY_S
         while not self._stop.is_set():
             try:
                 transport = self._open()
             except OSError as error:
                 self._set_connection_error(f'{error} (trying again)')
                 self._stop.wait(retry)
-                retry = min(2.0 * retry, LAST_RETRY)
+                retry = min(2.0 * retry, LONGEST_RETRY_S)
                 continue
-            retry = FIRST_RETRY
+            retry = FIRST_RETRY_S
             self.connections += 1
             self.connected = True
             self._set_connection_error('')
@@ -108,14 +108,14 @@ class DeviceReader:
                     self._deliver(samples)
                 if session.events:
                     self._report_events()
-            elif now - heard > REOPEN_AFTER_SILENCE * 1e9:
-                raise TimeoutError(f'no byte received for {REOPEN_AFTER_SILENCE:g} s')
-            elif now - heard > ASK_AFTER_SILENCE * 1e9:
+            elif now - heard > REOPEN_AFTER_SILENCE_S * 1e9:
+                raise TimeoutError(f'no byte received for {REOPEN_AFTER_SILENCE_S:g} s')
+            elif now - heard > ASK_AFTER_SILENCE_S * 1e9:
                 session.ask(now)
             outgoing = session.outgoing(now)
             if outgoing:
                 transport.write(outgoing)
-            if chunk and self.read_period * session.nominal_rate > SAMPLES_WORTH_WAITING:
+            if chunk and self.read_period * session.nominal_rate > LEAST_SAMPLES_PER_READ:
                 time.sleep(max(began + self.read_period - time.monotonic(), 0.0))
 
     def _report_events(self) -> None:

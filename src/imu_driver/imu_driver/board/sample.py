@@ -22,7 +22,7 @@ from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import (
     SENSORS,
-    TEMPERATURE_SENSITIVITY,
+    TEMPERATURE_SENSITIVITY_C,
     scale,
     temperature_from_counts,
 )
@@ -55,7 +55,7 @@ class SampleScale:
         self._terms: list[tuple[int, float]] = []
         for offset, sensor in enumerate(SENSORS):
             factors = scale(sensor, full_scale[sensor])
-            for axis, sign in (axis_maps or {}).get(sensor, IDENTITY):
+            for axis, sign in (axis_maps or {}).get(sensor, IDENTITY_AXES):
                 self._terms.append((3 * offset + axis, sign * float(factors[axis])))
 
     def sample(self, stamp: int, frame: DataFrame) -> Sample:
@@ -77,7 +77,7 @@ class SampleScale:
         )
 
 
-TEMPERATURE_VARIANCE: Final = TEMPERATURE_SENSITIVITY**2 / 12.0
+TEMPERATURE_VARIANCE_K2: Final = TEMPERATURE_SENSITIVITY_C**2 / 12.0
 """[K²] of rounding to counts; the device's absolute accuracy is not specified."""
 
 
@@ -89,7 +89,7 @@ def diagonal(variance: float) -> tuple[float, ...]:
 AxisMap: TypeAlias = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 """For each published axis: index of the sensor's axis, sign."""
 
-IDENTITY: Final[AxisMap] = ((0, 1), (1, 1), (2, 1))
+IDENTITY_AXES: Final[AxisMap] = ((0, 1), (1, 1), (2, 1))
 
 
 class AxisMapError(UserError):

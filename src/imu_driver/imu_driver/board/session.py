@@ -34,13 +34,13 @@ from imu_driver.wire.frames import (
     OtherVersion,
 )
 
-MAXIMUM_HELD: Final = 4000
+MOST_HELD_FRAMES: Final = 4000
 """Frames kept while their scale is unknown (four seconds at the highest rate)."""
-SETTLING_TIME: Final = 0.2
+SETTLING_TIME_S: Final = 0.2
 """[s] of samples collected before the first is stamped: a stall at the start does not spoil it."""
-SILENT_BOARD_TIMEOUT: Final = 1.5
+SILENT_BOARD_TIMEOUT_S: Final = 1.5
 """[s] after which an ASCII board that sends no information is read with assumed full scales."""
-REMEMBERED_GAPS: Final = 1000
+MOST_REMEMBERED_GAPS: Final = 1000
 
 
 class WarningEvent(str):
@@ -129,7 +129,7 @@ class DeviceSession:
                 self._on_data(frame, arrival)
             else:
                 self._on_frame(frame, arrival)
-        if self.clock.age >= SETTLING_TIME:
+        if self.clock.age >= SETTLING_TIME_S:
             self._stamp()
         return self._take_stamped()
 
@@ -203,11 +203,11 @@ class DeviceSession:
             self._scale = None
             self.set_up.ask(arrival)
         self._held.append((frame, arrival))
-        if len(self._held) > MAXIMUM_HELD:
+        if len(self._held) > MOST_HELD_FRAMES:
             self._discard(1)
         waited = arrival - self._held[0][1]
         is_silent = not self._identified and self.decoder.protocol == 'ascii'
-        if is_silent and waited > SILENT_BOARD_TIMEOUT * SECOND_NS:
+        if is_silent and waited > SILENT_BOARD_TIMEOUT_S * SECOND_NS:
             self._accept_silent_board()
 
     def _accept_silent_board(self) -> None:
@@ -320,8 +320,8 @@ class SequenceCount:
     gaps: int = 0
     following: int | None = None
     """Number the next sample will have; None before the first."""
-    missing: deque[range] = field(default_factory=lambda: deque(maxlen=REMEMBERED_GAPS))
-    """Numbers of lost samples, a range per gap; the newest REMEMBERED_GAPS gaps."""
+    missing: deque[range] = field(default_factory=lambda: deque(maxlen=MOST_REMEMBERED_GAPS))
+    """Numbers of lost samples, a range per gap; the newest MOST_REMEMBERED_GAPS gaps."""
     _knows_32_bits: bool = False
 
     def take(self, number: int) -> int:

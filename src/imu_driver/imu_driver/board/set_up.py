@@ -19,12 +19,12 @@ from imu_driver.wire.frames import (
     Status,
 )
 
-ACKNOWLEDGEMENT_TIMEOUT: Final = 300_000_000
+ACKNOWLEDGEMENT_TIMEOUT_NS: Final = 300_000_000
 """[ns] after which an unacknowledged command is sent again."""
-INFORMATION_INTERVAL: Final = 500_000_000
+INFORMATION_INTERVAL_NS: Final = 500_000_000
 """[ns] between requests for information while the device is unknown."""
-MAXIMUM_TRIES: Final = 5
-RETRY_PAUSE: Final = 2 * SECOND_NS
+MOST_TRIES: Final = 5
+RETRY_PAUSE_NS: Final = 2 * SECOND_NS
 """[ns] after an unanswered command before the set-up is tried again."""
 
 FULL_SCALE_COMMANDS: Final = dict(
@@ -78,9 +78,9 @@ class DeviceSetUp:
             self._queue.append((code, value))
 
     def ask(self, now: int) -> None:
-        """Ask for information, at most every INFORMATION_INTERVAL."""
+        """Ask for information, at most every INFORMATION_INTERVAL_NS."""
         self._asked = True
-        self._ask_at = min(self._ask_at, now + INFORMATION_INTERVAL)
+        self._ask_at = min(self._ask_at, now + INFORMATION_INTERVAL_NS)
 
     def stopped(self) -> None:
         """The device restarted: drop every command under way."""
@@ -114,14 +114,14 @@ class DeviceSetUp:
             return b''
         if now >= self._ask_at and (self._asked or not known):
             self._asked = False
-            self._ask_at = now + INFORMATION_INTERVAL
+            self._ask_at = now + INFORMATION_INTERVAL_NS
             return self._encoded(CommandFrame(CommandCode.INFORMATION, 0), protocol)
         if self._pending is not None:
             if now < self._due:
                 return b''
-            if self._tries >= MAXIMUM_TRIES:
+            if self._tries >= MOST_TRIES:
                 self._pending = None
-                self._retry_at = now + RETRY_PAUSE
+                self._retry_at = now + RETRY_PAUSE_NS
                 return b''
         elif self._queue and protocol != 'auto':
             code, value = self._queue.popleft()
@@ -131,7 +131,7 @@ class DeviceSetUp:
         if self._pending is None:
             return b''
         self._tries += 1
-        self._due = now + ACKNOWLEDGEMENT_TIMEOUT
+        self._due = now + ACKNOWLEDGEMENT_TIMEOUT_NS
         return self._encoded(self._pending, protocol)
 
     @staticmethod

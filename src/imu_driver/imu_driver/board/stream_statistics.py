@@ -14,19 +14,19 @@ from imu_recording.user_error import UserError
 
 from imu_driver.board.sample import Sample
 
-REST_SPAN: Final = 5.0
+REST_SPAN_S: Final = 5.0
 """[s] of samples evaluated."""
-REST_MINIMUM: Final = 2.0
+LEAST_REST_S: Final = 2.0
 """[s] of samples needed."""
-REST_SAMPLES: Final = 5000
+MOST_REST_SAMPLES: Final = 5000
 """Samples kept."""
-STILL_RATE: Final = 0.02
+LARGEST_RATE_STD: Final = 0.02
 """[rad/s] A standard deviation above this is motion, not noise."""
-STILL_ACCELERATION: Final = 0.2
+LARGEST_ACCELERATION_STD: Final = 0.2
 """[m/s²] Likewise."""
 SIGNIFICANT_DIGITS: Final = 4
 """Of the figures reported."""
-BIAS_LIMIT: Final = 0.6
+LARGEST_MEAN_RATE: Final = 0.6
 """[rad/s] A mean above this is rotation (datasheet: zero-rate level ±30 dps typical)."""
 
 
@@ -35,11 +35,11 @@ class RestError(UserError):
 
 
 class StreamStatistics:
-    """Rate, jitter, newest temperature, and the last REST_SPAN of samples."""
+    """Rate, jitter, newest temperature, and the last REST_SPAN_S of samples."""
 
     def __init__(self) -> None:
-        self._recent: deque[Sample] = deque(maxlen=REST_SAMPLES)
-        self._stamps: deque[int] = deque(maxlen=REST_SAMPLES)
+        self._recent: deque[Sample] = deque(maxlen=MOST_REST_SAMPLES)
+        self._stamps: deque[int] = deque(maxlen=MOST_REST_SAMPLES)
         self.published = 0
         self.temperature = float('nan')
         """Newest [°C]."""
@@ -55,7 +55,7 @@ class StreamStatistics:
     def take_rate(self) -> tuple[float, float]:
         """Return rate [Hz] and jitter (standard deviation of intervals) [s] since the last call.
 
-        Of more than REST_SAMPLES samples the newest are used.
+        Of more than MOST_REST_SAMPLES samples the newest are used.
         """
         stamps = list(self._stamps)
         self._stamps.clear()
@@ -66,28 +66,28 @@ class StreamStatistics:
         return float(1.0 / np.median(intervals)), float(intervals.std())
 
     def rest(self) -> dict[str, FloatArray]:
-        """Return mean and standard deviation over the last REST_SPAN, device at rest.
+        """Return mean and standard deviation over the last REST_SPAN_S, device at rest.
 
         Keys: angular_velocity, angular_velocity_stddev, linear_acceleration,
         linear_acceleration_stddev, each (3,). Raises RestError.
         """
         samples = list(self._recent)
         if samples:
-            since = samples[-1].stamp - round(REST_SPAN * 1e9)
+            since = samples[-1].stamp - round(REST_SPAN_S * 1e9)
             samples = [sample for sample in samples if sample.stamp > since]
         span = (samples[-1].stamp - samples[0].stamp) * 1e-9 if samples else 0.0
-        full = len(samples) == REST_SAMPLES
-        if span < REST_MINIMUM and not full:
-            raise RestError(f'only {span:.1f} s were received, {REST_MINIMUM:g} s are needed')
+        full = len(samples) == MOST_REST_SAMPLES
+        if span < LEAST_REST_S and not full:
+            raise RestError(f'only {span:.1f} s were received, {LEAST_REST_S:g} s are needed')
         result = {}
         for name in ('angular_velocity', 'linear_acceleration'):
             values = np.array([getattr(sample, name) for sample in samples])
             result[name] = values.mean(axis=0)
             result[f'{name}_stddev'] = values.std(axis=0)
         if (
-            result['angular_velocity_stddev'].max() > STILL_RATE
-            or result['linear_acceleration_stddev'].max() > STILL_ACCELERATION
-            or np.abs(result['angular_velocity']).max() > BIAS_LIMIT
+            result['angular_velocity_stddev'].max() > LARGEST_RATE_STD
+            or result['linear_acceleration_stddev'].max() > LARGEST_ACCELERATION_STD
+            or np.abs(result['angular_velocity']).max() > LARGEST_MEAN_RATE
         ):
             raise RestError('the device moves: leave it alone for 5 s and ask again')
         return result

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines to a board: a serial port, or a TCP connection that carries the same bytes.
 
-A transport reads what is there, at the latest after TIMEOUT; it raises OSError once the other
-side is gone. Opening it again is the caller's business.
+A transport reads what is there, at the latest after READ_TIMEOUT_S; it raises OSError once the
+other side is gone. Opening it again is the caller's business.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from urllib.parse import parse_qsl, urlsplit
 import serial
 from imu_recording.user_error import UserError, why_not_open
 
-TIMEOUT: Final = 0.05
+READ_TIMEOUT_S: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
-LONGEST_READ: Final = 65536
+LONGEST_READ_BYTES: Final = 65536
 """[bytes]."""
-CONNECT_WITHIN: Final = 1.0
+CONNECT_TIMEOUT_S: Final = 1.0
 """[s] A TCP connection that takes longer fails."""
 
 
@@ -45,7 +45,7 @@ class Transport(Protocol):
     """An open line."""
 
     def read(self) -> bytes:
-        """Return the bytes received, b'' after TIMEOUT; raise OSError where the line is gone."""
+        """Return the bytes received, b'' after READ_TIMEOUT_S; OSError where the line is gone."""
 
     def write(self, data: bytes) -> None:
         """Send; raise OSError where the line is gone."""
@@ -60,7 +60,11 @@ class SerialTransport:
     def __init__(self, path: str, baudrate: int) -> None:
         try:
             self._port = serial.Serial(
-                path, baudrate, timeout=TIMEOUT, write_timeout=TIMEOUT, exclusive=True
+                path,
+                baudrate,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=READ_TIMEOUT_S,
+                exclusive=True,
             )
         except (OSError, ValueError, termios.error) as error:  # or no such baud rate, or gone
             raise OSError(why_not_open(path, error)) from None
@@ -68,9 +72,9 @@ class SerialTransport:
     def read(self) -> bytes:
         """Return the bytes received."""
         port = self._port.fileno()  # two calls of the system; pyserial needs five for as much
-        if not select.select([port], [], [], TIMEOUT)[0]:
+        if not select.select([port], [], [], READ_TIMEOUT_S)[0]:
             return b''
-        chunk = os.read(port, LONGEST_READ)
+        chunk = os.read(port, LONGEST_READ_BYTES)
         if not chunk:
             raise ConnectionError('the port is ready and has nothing: the device is gone')
         return chunk
@@ -92,17 +96,17 @@ class TcpTransport:
 
     def __init__(self, host: str, port: int) -> None:
         try:
-            self._socket = socket.create_connection((host, port), timeout=CONNECT_WITHIN)
+            self._socket = socket.create_connection((host, port), timeout=CONNECT_TIMEOUT_S)
         except OSError as error:
             raise OSError(why_not_open(f'{host}:{port}', error)) from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.settimeout(TIMEOUT)
+        self._socket.settimeout(READ_TIMEOUT_S)
 
     def read(self) -> bytes:
         """Return the bytes received."""
-        if not select.select([self._socket], [], [], TIMEOUT)[0]:
+        if not select.select([self._socket], [], [], READ_TIMEOUT_S)[0]:
             return b''
-        chunk = self._socket.recv(LONGEST_READ)
+        chunk = self._socket.recv(LONGEST_READ_BYTES)
         if not chunk:
             raise ConnectionError('the other side closed the connection')
         return chunk

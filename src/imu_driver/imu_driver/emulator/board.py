@@ -25,9 +25,9 @@ from imu_driver.wire.frames import (
     Status,
 )
 
-INFORMATION_INTERVAL: Final = 1.0
+INFORMATION_INTERVAL_S: Final = 1.0
 """[s] between information frames."""
-MAGNETOMETER_RATE: Final = 80.0
+MAGNETOMETER_RATE_HZ: Final = 80.0
 """[Hz]."""
 SENSOR_OF_COMMAND: Final = {
     CommandCode.GYROSCOPE_FULL_SCALE: 'gyroscope',
@@ -164,7 +164,7 @@ class EmulatedBoard:
             else:
                 if not self.options.minimal:
                     sent.append(self._sent(self.information(self._next_information)))
-                self._next_information += INFORMATION_INTERVAL
+                self._next_information += INFORMATION_INTERVAL_S
         return sent
 
     def receive(self, chunk: bytes, time: float) -> None:
@@ -209,7 +209,7 @@ class EmulatedBoard:
             tick_rate=1_000_000,
             full_scale=(gyroscope, accelerometer, magnetometer),
             output_data_rate=round(self.output_data_rate * 1e3),
-            magnetometer_rate=round(MAGNETOMETER_RATE * 1e3),
+            magnetometer_rate=round(MAGNETOMETER_RATE_HZ * 1e3),
             i2c_errors=0,
             overruns=self.overruns,
             command_errors=self._decoder.counts.errors,
@@ -258,12 +258,12 @@ class EmulatedBoard:
         gyroscope, accelerometer, magnetometer, temperature = self._source.sample(
             self._device_time(time), self._ambient(self._device_time(time))
         )
-        turn = int(time * MAGNETOMETER_RATE)
+        turn = int(time * MAGNETOMETER_RATE_HZ)
         if turn != self._magnetometer_turn:
             self._magnetometer_turn = turn
             self._magnetic = tuple(int(count) for count in magnetometer)
             flags |= MAGNETOMETER_NEW
-        turn = int(time * lsm9ds1.TEMPERATURE_RATE)
+        turn = int(time * lsm9ds1.TEMPERATURE_RATE_HZ)
         if turn != self._temperature_turn:
             self._temperature_turn = turn
             self._temperature = int(temperature)

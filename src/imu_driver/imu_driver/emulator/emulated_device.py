@@ -19,26 +19,26 @@ from imu_recording.user_error import UserError
 
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
 from imu_driver.emulator.faults import (
-    DEFAULT_DURATION,
+    DEFAULT_DURATION_S,
     FAULTS,
     FaultSchedule,
     FaultyLine,
     parse_fault,
 )
 from imu_driver.emulator.port import Port, PtyPort, TcpPort
-from imu_driver.emulator.transport import DEFAULT_RATE, ambient_law, emulated_board
+from imu_driver.emulator.transport import DEFAULT_RATE_HZ, ambient_law, emulated_board
 
-LOG_INTERVAL: Final = 1.0
+LOG_INTERVAL_S: Final = 1.0
 """[s] between writes of the log."""
-LONGEST_WAIT: Final = 0.02
+LONGEST_WAIT_S: Final = 0.02
 """[s] Longest time between steps, and so the largest delay of a scheduled fault."""
-TRICKLE_WAIT: Final = 0.001
+TRICKLE_WAIT_S: Final = 0.001
 """[s] between steps under the fault trickle."""
-EXCHANGE_TIME: Final = 0.2
+EXCHANGE_TIME_S: Final = 0.2
 """[s] for which the line is unplugged while the board is exchanged for another."""
-OTHER_SUFFIX: Final = '-OTHER'
+OTHER_BOARD_SUFFIX: Final = '-OTHER'
 """Suffix of the other board's serial number."""
-WRONG_RATE: Final = 0.7
+WRONG_RATE_RATIO: Final = 0.7
 """Actual over nominal rate under wrong_rate."""
 
 
@@ -90,11 +90,11 @@ class Emulator:
             self._unsent = data[self._port.write(data) :]
         if self._log and time >= self._next_log:
             self.write_log()
-            self._next_log = time + LOG_INTERVAL
+            self._next_log = time + LOG_INTERVAL_S
         if 'trickle' in faults:
-            return TRICKLE_WAIT
+            return TRICKLE_WAIT_S
         due = self.board.next_due - (self._now() - self._start)
-        return LONGEST_WAIT if 'reset' in faults else min(max(due, 0.0), LONGEST_WAIT)
+        return LONGEST_WAIT_S if 'reset' in faults else min(max(due, 0.0), LONGEST_WAIT_S)
 
     def finish(self) -> None:
         """Stop the stream, send the final information and as much of the buffer as is taken."""
@@ -137,7 +137,7 @@ class Emulator:
     def _change(self, faults: frozenset[str], time: float) -> None:
         began, ended = faults - self._faults, self._faults - faults
         self._faults = faults
-        self.board.rate_error = WRONG_RATE if 'wrong_rate' in faults else 1.0
+        self.board.rate_error = WRONG_RATE_RATIO if 'wrong_rate' in faults else 1.0
         if 'reset' in began:
             self.line.cut()
             self._unsent = b''
@@ -149,17 +149,19 @@ class Emulator:
         if 'wrong_scale' in ended and self.board.full_scale['accelerometer'] != self._full_scale:
             self.board.set_full_scale('accelerometer', self._full_scale)
         if 'other_serial' in began:
-            self._exchange(self._serial_number[: 16 - len(OTHER_SUFFIX)] + OTHER_SUFFIX, time)
+            self._exchange(
+                self._serial_number[: 16 - len(OTHER_BOARD_SUFFIX)] + OTHER_BOARD_SUFFIX, time
+            )
         if 'other_serial' in ended:
             self._exchange(self._serial_number, time)
 
     def _exchange(self, serial_number: str, time: float) -> None:
-        self._replug_at = time + EXCHANGE_TIME
+        self._replug_at = time + EXCHANGE_TIME_S
         self._set_plug(time)
         self.board.restart(self._replug_at, serial_number)
 
 
-DRAIN_TIMEOUT: Final = 0.5
+DRAIN_TIMEOUT_S: Final = 0.5
 """[s] for the host to read the last bytes before the end."""
 
 
@@ -169,7 +171,7 @@ def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='emulated_device',
         description='An IMU board that speaks the wire protocol (doc/wire_protocol.md).',
-        epilog=f'Faults last {DEFAULT_DURATION:g} s unless given otherwise. {faults}.',
+        epilog=f'Faults last {DEFAULT_DURATION_S:g} s unless given otherwise. {faults}.',
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument('--link', type=Path, metavar='PATH', help='pseudo-terminal under this name')
@@ -185,7 +187,7 @@ def arguments() -> argparse.ArgumentParser:
         help='ambient temperature over time, columns time_s,temperature_c '
         '(as "plan --csv" writes), or one number [°C]',
     )
-    parser.add_argument('--rate', type=float, default=DEFAULT_RATE, metavar='HZ')
+    parser.add_argument('--rate', type=float, default=DEFAULT_RATE_HZ, metavar='HZ')
     parser.add_argument(
         '--time-scale',
         type=float,
@@ -247,7 +249,7 @@ def run(emulator: Emulator, stop: threading.Event) -> None:
             wait = emulator.step()
             select.select(emulator.handles(), [], [], wait)
         emulator.finish()
-        deadline = time.monotonic() + DRAIN_TIMEOUT
+        deadline = time.monotonic() + DRAIN_TIMEOUT_S
         while emulator.unread and time.monotonic() < deadline:
             time.sleep(0.01)
     finally:

@@ -17,7 +17,7 @@ from imu_recording.user_error import UserError
 
 from imu_driver.emulator.board import Sent
 
-DEFAULT_DURATION: Final = 2.0
+DEFAULT_DURATION_S: Final = 2.0
 """[s] of a fault without one of its own."""
 
 BYTE_FAULTS: Final = ('bit_flips', 'drop_bytes', 'duplicate_bytes', 'garbage')
@@ -40,7 +40,7 @@ DAMAGE_PROBABILITY: Final = 1e-3
 """Per byte."""
 BURST_PROBABILITY: Final = 0.02
 """Per frame."""
-LONGEST_BURST: Final = 200
+LONGEST_BURST_BYTES: Final = 200
 """[bytes]."""
 
 
@@ -64,7 +64,7 @@ def parse_fault(text: str) -> Fault:
             f'fault {text!r}: expected NAME@SECONDS[+DURATION] with one of {", ".join(FAULTS)}'
         )
     start = float(match[2])
-    duration = float(match[3]) if match[3] else DEFAULT_DURATION
+    duration = float(match[3]) if match[3] else DEFAULT_DURATION_S
     return Fault(match[1], start, start + duration)
 
 
@@ -91,7 +91,7 @@ def damage(data: bytes, fault: str, random_source: random.Random) -> bytes:
         if random_source.random() >= BURST_PROBABILITY:
             return data
         at = random_source.randrange(len(data) + 1)
-        burst = random_source.randbytes(random_source.randint(1, LONGEST_BURST))
+        burst = random_source.randbytes(random_source.randint(1, LONGEST_BURST_BYTES))
         return data[:at] + burst + data[at:]
     for byte in data:
         hit = random_source.random() < DAMAGE_PROBABILITY
@@ -104,9 +104,9 @@ def damage(data: bytes, fault: str, random_source: random.Random) -> bytes:
     return bytes(out)
 
 
-BUFFER_SIZE: Final = 16384
+BUFFER_BYTES: Final = 16384
 """[bytes] Output buffer of the board: a frame that finds no room in it is dropped."""
-TRICKLE_RATE: Final = 2000.0
+TRICKLE_BYTES_PER_S: Final = 2000.0
 """[bytes/s] of the trickle fault."""
 
 
@@ -134,7 +134,7 @@ class FaultyLine:
             number = self.sent
             is_sample = frame.sample >= 0
             self.sent += is_sample
-            if faults & {'silence', 'unplug'} or self._size + len(frame.data) > BUFFER_SIZE:
+            if faults & {'silence', 'unplug'} or self._size + len(frame.data) > BUFFER_BYTES:
                 self.dropped += is_sample
                 overruns += is_sample and not faults & {'silence', 'unplug'}
                 continue
@@ -169,11 +169,11 @@ class FaultyLine:
             return data
         if self._trickled_at is None:
             self._trickled_at = time
-        share = min(int((time - self._trickled_at) * TRICKLE_RATE), self._size)
+        share = min(int((time - self._trickled_at) * TRICKLE_BYTES_PER_S), self._size)
         if share <= 0:
             return b''
         piece = self._random.randint(1, 3)
-        self._trickled_at += min(share, piece) / TRICKLE_RATE
+        self._trickled_at += min(share, piece) / TRICKLE_BYTES_PER_S
         waiting = b''.join(self._buffer)
         self._buffer = deque([waiting[piece:]] if waiting[piece:] else [])
         self._size = len(waiting[piece:])

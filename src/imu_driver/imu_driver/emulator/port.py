@@ -14,7 +14,7 @@ import tty
 from pathlib import Path
 from typing import Protocol
 
-_GONE = {errno.EIO, errno.EBADF, errno.EPIPE, errno.ECONNRESET}
+_PEER_GONE_ERRORS = {errno.EIO, errno.EBADF, errno.EPIPE, errno.ECONNRESET}
 
 
 class Port(Protocol):
@@ -153,7 +153,7 @@ def _read(handle: int) -> bytes:
     except BlockingIOError:
         return b''
     except OSError as error:
-        if error.errno in _GONE:
+        if error.errno in _PEER_GONE_ERRORS:
             return b''
         raise
 
@@ -164,6 +164,6 @@ def _write(handle: int, data: bytes) -> int:
     except BlockingIOError:
         return 0
     except OSError as error:
-        if error.errno in _GONE:
+        if error.errno in _PEER_GONE_ERRORS:
             return len(data)
         raise

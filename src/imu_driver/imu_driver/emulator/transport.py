@@ -29,7 +29,7 @@ from imu_driver.emulator.chamber_air import follows_chamber
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this."""
-DEFAULT_RATE: Final = 238.0
+DEFAULT_RATE_HZ: Final = 238.0
 """[Hz] Output data rate after power-on."""
 OPTIONS: Final = {
     'temperature': '20',
@@ -80,7 +80,7 @@ class SimulatedTransport:
             BoardOptions(
                 protocol=options['protocol'],
                 serial_number=parts.netloc.upper(),
-                output_data_rate=rate or DEFAULT_RATE,
+                output_data_rate=rate or DEFAULT_RATE_HZ,
             ),
             ambient=(air if follows_chamber(url) else None) or ambient_law(options['temperature']),
             orientation=orientation,

@@ -13,7 +13,7 @@ from imu_recording.recording import SENSOR_FIELDS
 from imu_driver.simulation.devices import DeviceParameters
 from imu_driver.simulation.effects.hidden_effect import log_uniform
 
-OFFSET_TURN_ONS = 5.0
+BIAS_CHANGE_TURN_ONS = 5.0
 """Spread of the change of a bias in a year, in spreads from one power-on to the next."""
 
 
@@ -61,7 +61,9 @@ def draw_ageing(device: DeviceParameters, seed: int) -> Ageing:
     return Ageing(
         slope_ratio={sensor: ratio(1.15, 1.6) for sensor in SENSOR_FIELDS},
         offset={
-            sensor: tuple((OFFSET_TURN_ONS * device.sensor(sensor).turn_on_std * change).tolist())
+            sensor: tuple(
+                (BIAS_CHANGE_TURN_ONS * device.sensor(sensor).turn_on_std * change).tolist()
+            )
             for sensor, change in zip(
                 SENSOR_FIELDS, generator.normal(0.0, 1.0, (3, 3)), strict=True
             )

@@ -16,15 +16,19 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from imu_recording.user_error import UserError
 
-from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, DEGREE, SENSITIVITY
-from imu_driver.simulation.environment import GRAVITY, MAGNETIC_FIELD
+from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, RADIANS_PER_DEGREE, SENSITIVITY
+from imu_driver.simulation.environment import LOCAL_GRAVITY, MAGNETIC_FIELD
 
 REFERENCE_TEMPERATURE = 20.0
 """Die temperature at which biases and scale errors are given [°C]."""
-SENSOR_RATE = 14.9
+SENSOR_RATE_HZ = 14.9
 """Output data rate of the sensor behind a slower read-out [Hz] (LSM9DS1, lowest)."""
 
-MEAN_STD = {'accelerometer': 1.04e-3, 'gyroscope': 7.1e-3 * DEGREE, 'magnetometer': 0.10e-6}
+MEAN_STD = {
+    'accelerometer': 1.04e-3,
+    'gyroscope': 7.1e-3 * RADIANS_PER_DEGREE,
+    'magnetometer': 0.10e-6,
+}
 """Standard deviation of a one-second mean of an LSM9DS1-class sensor, white part [SI unit]."""
 BIAS_INSTABILITY = {
     name: value * part
@@ -121,7 +125,7 @@ class DeviceParameters:
         return parameters
 
 
-CYCLE_SPREAD = 21.8
+CYCLE_TEMPERATURE_STD = 21.8
 """Standard deviation of the die's temperature over one cycle of the paper's plan [K]."""
 
 
@@ -196,7 +200,7 @@ def _slope(spread: tuple[float, ...], noise: FloatArray, unit: float) -> FloatAr
     """Return the slope whose spread over a cycle together with the noise is the table's."""
     printed = np.array(spread) * unit
     thermal = np.sqrt(np.maximum(printed**2 - noise**2, 0.0))
-    slope: FloatArray = np.sign(printed) * thermal / CYCLE_SPREAD
+    slope: FloatArray = np.sign(printed) * thermal / CYCLE_TEMPERATURE_STD
     return slope
 
 
@@ -205,19 +209,21 @@ def _device(name: str, table: _Table, seed: int) -> DeviceParameters:
     draw = np.random.default_rng(seed)
     micro = 1e-6
     noise = {key: np.full(3, value) for key, value in MEAN_STD.items()}
-    noise['gyroscope'] = np.array(table.gyroscope_noise) * DEGREE / np.sqrt(SENSOR_RATE)
-    sample = {key: value * np.sqrt(SENSOR_RATE) for key, value in noise.items()}
+    noise['gyroscope'] = (
+        np.array(table.gyroscope_noise) * RADIANS_PER_DEGREE / np.sqrt(SENSOR_RATE_HZ)
+    )
+    sample = {key: value * np.sqrt(SENSOR_RATE_HZ) for key, value in noise.items()}
     up = np.roll(np.array([0.0, 0.0, 1.0]), table.up + 1)
     seen = np.roll(MAGNETIC_FIELD, table.up + 1)
     levels = np.array(table.magnetometer_mean) * micro
     triad = {
         'accelerometer': (
-            np.array(table.accelerometer_mean) - GRAVITY * up,
+            np.array(table.accelerometer_mean) - LOCAL_GRAVITY * up,
             _slope(table.accelerometer_spread, sample['accelerometer'], 1.0),
         ),
         'gyroscope': (
-            np.array(table.gyroscope_mean) * DEGREE,
-            _slope(table.gyroscope_spread, sample['gyroscope'], DEGREE),
+            np.array(table.gyroscope_mean) * RADIANS_PER_DEGREE,
+            _slope(table.gyroscope_spread, sample['gyroscope'], RADIANS_PER_DEGREE),
         ),
         'magnetometer': (
             levels[0] - seen,
@@ -229,7 +235,7 @@ def _device(name: str, table: _Table, seed: int) -> DeviceParameters:
         accelerometer=_sensor('accelerometer', *triad['accelerometer'], noise, draw),
         gyroscope=replace(
             _sensor('gyroscope', *triad['gyroscope'], noise, draw),
-            bias_instability=2.0e-3 * DEGREE,
+            bias_instability=2.0e-3 * RADIANS_PER_DEGREE,
         ),
         magnetometer=_sensor('magnetometer', *triad['magnetometer'], noise, draw),
         thermometer_offset=float(draw.normal(0.0, 0.8)),
@@ -240,8 +246,16 @@ def _device(name: str, table: _Table, seed: int) -> DeviceParameters:
     )
 
 
-_TURN_ON = {'accelerometer': 5e-3, 'gyroscope': 2e-3 * DEGREE, 'magnetometer': 0.1e-6}
-_SUPPLY = {'accelerometer': 2e-3, 'gyroscope': 10e-3 * DEGREE, 'magnetometer': 0.2e-6}
+_TURN_ON_STD = {
+    'accelerometer': 5e-3,
+    'gyroscope': 2e-3 * RADIANS_PER_DEGREE,
+    'magnetometer': 0.1e-6,
+}
+_SUPPLY_SENSITIVITY = {
+    'accelerometer': 2e-3,
+    'gyroscope': 10e-3 * RADIANS_PER_DEGREE,
+    'magnetometer': 0.2e-6,
+}
 
 
 def _sensor(
@@ -259,14 +273,14 @@ def _sensor(
         sensitivity=SENSITIVITY[name][DEFAULT_FULL_SCALE[name]],
         scale_error=draw.normal(0.0, 3e-3, 3),
         misalignment=draw.normal(0.0, 3e-3, 3),
-        turn_on_std=_TURN_ON[name],
-        supply_slope=_SUPPLY[name] * float(draw.choice([-1.0, 1.0])),
+        turn_on_std=_TURN_ON_STD[name],
+        supply_slope=_SUPPLY_SENSITIVITY[name] * float(draw.choice([-1.0, 1.0])),
     )
 
 
-TYPICAL_SPREAD = {
+TYPICAL_STD = {
     'accelerometer': (0.15, 2.5e-3),
-    'gyroscope': (1.0 * DEGREE, 15e-3 * DEGREE),
+    'gyroscope': (1.0 * RADIANS_PER_DEGREE, 15e-3 * RADIANS_PER_DEGREE),
     'magnetometer': (8e-6, 0.1e-6),
 }
 """Standard deviation of bias [SI unit] and of its slope [SI unit/K] over devices of the class."""
@@ -279,7 +293,7 @@ def draw_device(seed: int | tuple[int, ...]) -> DeviceParameters:
     noise = {name: np.full(3, value) for name, value in MEAN_STD.items()}
     triad = {
         name: _sensor(name, draw.normal(0.0, bias, 3), draw.normal(0.0, slope, 3), noise, draw)
-        for name, (bias, slope) in TYPICAL_SPREAD.items()
+        for name, (bias, slope) in TYPICAL_STD.items()
     }
     return DeviceParameters(
         name='drawn' + '_'.join(map(str, key)),

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from imu_driver.simulation.noise import ou_process
 
 LATITUDE = np.deg2rad(41.5)
-GRAVITY = 9.8033
+LOCAL_GRAVITY = 9.8033
 """Local gravity of the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
 EARTH_RATE = 7.292115e-5 * np.array([0.0, np.cos(LATITUDE), np.sin(LATITUDE)])
 """(3,) ENU [rad/s]."""
@@ -46,7 +46,7 @@ class Environment:
     profile: str = ''
     free_stream: FloatArray | None = None
     """Air beside a device that is sheltered from it [°C]; None: the same as at the device."""
-    gravity: float = GRAVITY
+    gravity: float = LOCAL_GRAVITY
     """[m/s²]"""
     magnetic_field: FloatArray = field(default_factory=lambda: MAGNETIC_FIELD)
     """(3,) ENU [T]."""

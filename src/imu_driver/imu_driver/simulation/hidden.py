@@ -53,8 +53,8 @@ HIDDEN_EFFECTS: dict[str, HiddenEffect] = {
 }
 """Name → effect. `random_name` draws by position: another order gives seeds other effects."""
 
-CLOCK = 'clock_temperature'
-UNLOGGED = {
+CLOCK_TEMPERATURE = 'clock_temperature'
+UNLOGGED_EFFECTS = {
     f'unlogged_{effect.logged_as[0]}': effect
     for effect in (
         chamber.heater_hard_iron,
@@ -68,7 +68,7 @@ UNLOGGED = {
 DATA_FAULTS = ('saturation', 'startup_transient', *FAULTS)
 """Faults of the data."""
 NOTHING = 'nothing'
-HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *DATA_FAULTS, NOTHING)
+HIDEABLE = (*HIDDEN_EFFECTS, CLOCK_TEMPERATURE, *UNLOGGED_EFFECTS, *DATA_FAULTS, NOTHING)
 """Everything that can be hidden, by name."""
 
 CLOCK_SLOPE = 20e-6
@@ -124,10 +124,10 @@ def hide_anything(
     if name in HIDDEN_EFFECTS or name in own:
         effect = HIDDEN_EFFECTS[name] if name in HIDDEN_EFFECTS else own[name]
         return _hide_effect(runs, effect, magnitude, seed, sensor, measured_on)
-    if name == CLOCK:
+    if name == CLOCK_TEMPERATURE:
         return _hide_clock(runs, magnitude, seed)
-    if name in UNLOGGED:
-        effect = UNLOGGED[name]
+    if name in UNLOGGED_EFFECTS:
+        effect = UNLOGGED_EFFECTS[name]
         return _unlogged(effect, _hide_effect(runs, effect, magnitude, seed, sensor, measured_on))
     return _hide_fault(runs, name, magnitude, seed, sensor)
 
@@ -138,9 +138,9 @@ def random_name(seed: int) -> str:
     kinds = (
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind != 'unexplained'],
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind == 'unexplained'],
-        list(UNLOGGED),
+        list(UNLOGGED_EFFECTS),
         list(DATA_FAULTS),
-        [CLOCK],
+        [CLOCK_TEMPERATURE],
         [NOTHING],
     )
     kind = kinds[int(generator.choice(len(kinds), p=[0.68, 0.08, 0.06, 0.06, 0.02, 0.10]))]
@@ -179,11 +179,11 @@ def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidde
     sign = float(np.random.default_rng((seed, 23)).choice([-1.0, 1.0]))
     slope = sign * CLOCK_SLOPE * magnitude
     truth = Truth(
-        name=CLOCK,
+        name=CLOCK_TEMPERATURE,
         kind='effect',
         sensor='all',
         magnitude=magnitude,
-        law=CLOCK,
+        law=CLOCK_TEMPERATURE,
         parameters={'relative_rate_per_kelvin': slope},
     )
     return Hidden([replace(run, rate_slope=slope) for run in runs], truth)

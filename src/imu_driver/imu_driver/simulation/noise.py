@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 SHORTEST_TIME_S, LONGEST_TIME_S = 10.0, 4.0e4
 """First and last correlation time [s]."""
-PROCESSES = 8
+PROCESS_COUNT = 8
 """Number of processes."""
-TIME_RATIO = (LONGEST_TIME_S / SHORTEST_TIME_S) ** (1.0 / (PROCESSES - 1))
-CORRELATION_TIMES = SHORTEST_TIME_S * TIME_RATIO ** np.arange(PROCESSES)
+TIME_RATIO = (LONGEST_TIME_S / SHORTEST_TIME_S) ** (1.0 / (PROCESS_COUNT - 1))
+CORRELATION_TIMES = SHORTEST_TIME_S * TIME_RATIO ** np.arange(PROCESS_COUNT)
 PROCESS_STD = np.sqrt(np.log(TIME_RATIO) / np.pi)
 """Standard deviation of each process for B = 1."""
 
@@ -47,8 +47,8 @@ def flicker_noise(
 ) -> FloatArray:
     """Return (n, axes) flicker noise every `period` seconds, B per axis (axes,) [SI unit]."""
     axes = len(bias_instability)
-    normals = generator.standard_normal((PROCESSES, n, axes), dtype=np.float32)
-    start = generator.standard_normal((PROCESSES, axes))
+    normals = generator.standard_normal((PROCESS_COUNT, n, axes), dtype=np.float32)
+    start = generator.standard_normal((PROCESS_COUNT, axes))
     noise: FloatArray = _sum_of_processes(normals, start, np.exp(-period / CORRELATION_TIMES))
     noise *= PROCESS_STD * bias_instability
     return noise

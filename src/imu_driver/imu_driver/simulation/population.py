@@ -16,7 +16,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
 from imu_recording.user_error import UserError
 
-from imu_driver.simulation.devices import TYPICAL_SPREAD, DeviceParameters, draw_device
+from imu_driver.simulation.devices import TYPICAL_STD, DeviceParameters, draw_device
 
 LOT_SHARE = 0.6
 """Spread of the lots' means in spreads of the class."""
@@ -33,7 +33,7 @@ COMMON_EFFECTS = (
 )
 """Effect, sensor and median magnitude of what many devices have: weak in a single one."""
 RARE_EFFECT = ('thermal_hysteresis', 'magnetometer')
-MAGNITUDE_SPREAD = 0.3
+LOG_MAGNITUDE_STD = 0.3
 """Standard deviation of the logarithm of an effect's magnitude over devices."""
 MOST_LOTS = 26
 
@@ -94,7 +94,7 @@ def draw_lots(count: int, seed: int) -> list[Lot]:
     if not 1 <= count <= MOST_LOTS:
         raise UserError(f'--lots {count}: choose from 1 to {MOST_LOTS}')
     draw = np.random.default_rng((seed, 71))
-    spread = np.repeat([TYPICAL_SPREAD[name][1] for name in SENSOR_FIELDS], 3)
+    spread = np.repeat([TYPICAL_STD[name][1] for name in SENSOR_FIELDS], 3)
     type_mean = draw.normal(0.0, 1.0, 9) * spread
     return [_draw_lot(chr(ord('A') + k), type_mean, spread, (seed, 71, k)) for k in range(count)]
 
@@ -141,7 +141,7 @@ def draw_fleet_device(lots: list[Lot], number: int, count: int, seed: int) -> Fl
         CarriedEffect(
             name=common.name,
             sensor=common.sensor,
-            magnitude=common.magnitude * float(np.exp(MAGNITUDE_SPREAD * size)),
+            magnitude=common.magnitude * float(np.exp(LOG_MAGNITUDE_STD * size)),
             seed=common.seed,
         )
         for common, chance, size in zip(

@@ -12,10 +12,10 @@ from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.recording import SECOND_NS, SENSOR_FIELDS, FloatArray, ImuRecording
 from imu_recording.user_error import UserError
 
-from imu_driver.board.lsm9ds1 import COUNT_MAX, COUNT_MIN, TEMPERATURE_SENSITIVITY
+from imu_driver.board.lsm9ds1 import COUNT_MAX, COUNT_MIN, TEMPERATURE_SENSITIVITY_C
 from imu_driver.simulation.devices import (
     REFERENCE_TEMPERATURE,
-    SENSOR_RATE,
+    SENSOR_RATE_HZ,
     DeviceParameters,
     SensorParameters,
 )
@@ -24,11 +24,11 @@ from imu_driver.simulation.pose import Motion, into_sensor_frame, rotation_vecto
 from imu_driver.simulation.run import DeviceRun, prepare_run, world_vector
 from imu_driver.simulation.thermal import BOARD, DIE, PACKAGE
 
-DIRECT_RATE = 10.0
+DIRECT_RATE_HZ = 10.0
 """Lowest rate at which every sample of the sensor is read, at the pace of its own clock [Hz]."""
-VIBRATION_RATE = 119.0
+VIBRATION_RATE_HZ = 119.0
 """Rate at which the variance within a sample's interval is taken [Hz]."""
-VIBRATION_FREQUENCY = 24.5
+VIBRATION_FREQUENCY_HZ = 24.5
 """A two-pole compressor motor's shaft [Hz]."""
 SIMULATOR = 'imu_driver.simulation'
 """What `simulated` of a recording says."""
@@ -66,7 +66,7 @@ class ReadOut:
     @property
     def summed(self) -> int:
         """Number of samples of the sensor that one row is the mean of."""
-        return max(round(SENSOR_RATE / self.rate_hz), 1) if self.mean else 1
+        return max(round(SENSOR_RATE_HZ / self.rate_hz), 1) if self.mean else 1
 
 
 def simulate_device(
@@ -81,7 +81,7 @@ def simulate_device(
 ) -> ImuRecording:
     """Return the recording of a device in an environment: single samples, or means over intervals.
 
-    Rows below DIRECT_RATE come at the host's even pace, others at the pace of the sensor's own
+    Rows below DIRECT_RATE_HZ come at the host's even pace, others at the pace of the sensor's own
     clock, which drifts with temperature. The same arguments give the same recording.
     """
     run = prepare_run(device, environment, seed=seed, orientation=orientation, motion=motion)
@@ -125,7 +125,7 @@ def sample_times(run: DeviceRun, how: ReadOut) -> FloatArray:
     """Return the true times of the samples [s]: the host's timer, or the sensor's clock."""
     grid = run.environment.time
     slope = run.device.rate_slope if run.rate_slope is None else run.rate_slope
-    if how.rate_hz < DIRECT_RATE and run.rate_slope is None:
+    if how.rate_hz < DIRECT_RATE_HZ and run.rate_slope is None:
         first = 1 if how.mean else 0
         time: FloatArray = np.arange(first, grid[-1] * how.rate_hz + 1e-9) / how.rate_hz
         return time
@@ -144,7 +144,7 @@ def noise_std(sensor: SensorParameters, how: ReadOut) -> FloatArray:
         rounding = sensor.sensitivity**2 / 12.0 / how.summed
         std: FloatArray = np.sqrt(sensor.mean_std**2 * how.rate_hz + rounding)
         return std
-    bandwidth = max(how.rate_hz, SENSOR_RATE)
+    bandwidth = max(how.rate_hz, SENSOR_RATE_HZ)
     single: FloatArray = sensor.mean_std * np.sqrt(bandwidth)
     return single
 
@@ -154,8 +154,8 @@ def vibration_passed(how: ReadOut) -> float:
 
     Second order, cut-off at a third of the sensor's output data rate.
     """
-    cutoff = max(how.rate_hz, SENSOR_RATE) / 3.0
-    return 1.0 / (1.0 + (VIBRATION_FREQUENCY / cutoff) ** 2)
+    cutoff = max(how.rate_hz, SENSOR_RATE_HZ) / 3.0
+    return 1.0 / (1.0 + (VIBRATION_FREQUENCY_HZ / cutoff) ** 2)
 
 
 def _measured(
@@ -203,7 +203,7 @@ def _triad(
     _add_slow(values, place, step, slow)
     _add_input(values, place, step, inputs[sensor], matrix, parameters.scale_slope * difference)
     if sensor == 'gyroscope':
-        values += run.device.g_sensitivity * inputs['accelerometer'] @ G_PATTERN
+        values += run.device.g_sensitivity * inputs['accelerometer'] @ G_SENSITIVITY_PATTERN
     if sensor == 'accelerometer' and not how.mean:
         shaking = vibration_passed(how) * np.sqrt(2.0 * sampled(run, run.vibration, time, how))
         values += shaking * np.sin(generator.uniform(0.0, 2 * np.pi, (len(time), 1)))
@@ -211,7 +211,7 @@ def _triad(
     return values
 
 
-G_PATTERN = np.array([[0.6, 1.0, -0.4], [-0.8, 0.7, 0.9], [0.3, -1.0, 0.5]])
+G_SENSITIVITY_PATTERN = np.array([[0.6, 1.0, -0.4], [-0.8, 0.7, 0.9], [0.3, -1.0, 0.5]])
 """Pattern of the constant g-sensitivity, column per gyroscope axis."""
 
 
@@ -272,9 +272,9 @@ def _thermometer(
     noise = device.thermometer_noise
     reading = REFERENCE_TEMPERATURE + above + device.thermometer_offset
     if how.mean:
-        noise = np.sqrt((noise**2 + TEMPERATURE_SENSITIVITY**2 / 12.0) / how.summed)
+        noise = np.sqrt((noise**2 + TEMPERATURE_SENSITIVITY_C**2 / 12.0) / how.summed)
     reading += noise * generator.standard_normal(len(time))
-    step = TEMPERATURE_SENSITIVITY / how.summed
+    step = TEMPERATURE_SENSITIVITY_C / how.summed
     rounded: FloatArray = np.rint(reading / step) * step
     return rounded
 
@@ -284,10 +284,10 @@ def _vibration_variance(
 ) -> FloatArray:
     """Return (n, 3) variance of acceleration within each row's interval, as estimated [(m/s²)²].
 
-    Sample variance of noise and vibration at VIBRATION_RATE: χ² distributed about the truth.
+    Sample variance of noise and vibration at VIBRATION_RATE_HZ: χ² distributed about the truth.
     """
-    freedom = max(VIBRATION_RATE / how.rate_hz - 1.0, 1.0)
-    white = run.device.accelerometer.mean_std**2 * VIBRATION_RATE
+    freedom = max(VIBRATION_RATE_HZ / how.rate_hz - 1.0, 1.0)
+    white = run.device.accelerometer.mean_std**2 * VIBRATION_RATE_HZ
     true = white + sampled(run, run.vibration, time, how)
     estimate: FloatArray = true * generator.chisquare(freedom, true.shape) / freedom
     shown: FloatArray = np.round(estimate, 7)

@@ -15,21 +15,21 @@ from imu_driver.board.lsm9ds1 import (
     COUNT_MAX,
     COUNT_MIN,
     SENSORS,
-    TEMPERATURE_SENSITIVITY,
-    TEMPERATURE_ZERO,
+    TEMPERATURE_SENSITIVITY_C,
+    ZERO_COUNT_TEMPERATURE_C,
     scale,
 )
 from imu_driver.simulation.devices import (
     REFERENCE_TEMPERATURE,
-    SENSOR_RATE,
+    SENSOR_RATE_HZ,
     DeviceParameters,
     ThermalNetwork,
     find_device,
 )
-from imu_driver.simulation.environment import EARTH_RATE, GRAVITY, MAGNETIC_FIELD
+from imu_driver.simulation.environment import EARTH_RATE, LOCAL_GRAVITY, MAGNETIC_FIELD
 from imu_driver.simulation.noise import CORRELATION_TIMES, PROCESS_STD
 from imu_driver.simulation.pose import pose_matrix, rotation_vector_matrix
-from imu_driver.simulation.read_out import G_PATTERN
+from imu_driver.simulation.read_out import G_SENSITIVITY_PATTERN
 from imu_driver.simulation.run import PLACEMENT_STD, bandgap_current, stress_strain
 from imu_driver.simulation.thermal import (
     DIE,
@@ -39,9 +39,9 @@ from imu_driver.simulation.thermal import (
     step_nodes,
 )
 
-_BLOCK = 512
-_CHANNELS = 9
-_PROCESSES = len(CORRELATION_TIMES)
+_BLOCK_SAMPLES = 512
+_CHANNEL_COUNT = 9
+_PROCESS_COUNT = len(CORRELATION_TIMES)
 
 Counts = tuple[int, int, int]
 
@@ -63,12 +63,12 @@ class SimulatedDevice:
     ) -> None:
         self.device = find_device(device)
         self._generator = np.random.default_rng((seed, 7))
-        self._normals = np.empty((0, _CHANNELS * (_PROCESSES + 1) + 1))
+        self._normals = np.empty((0, _CHANNEL_COUNT * (_PROCESS_COUNT + 1) + 1))
         self._used = 0
         self._step: Callable[..., Any] = self._first_step
         self._time: float | None = None
         self._nodes = np.empty(4)
-        self._processes = self._generator.standard_normal((_PROCESSES, _CHANNELS))
+        self._processes = self._generator.standard_normal((_PROCESS_COUNT, _CHANNEL_COUNT))
         self.full_scale = full_scale
         self._prepare(orientation)
 
@@ -107,7 +107,9 @@ class SimulatedDevice:
             step = max(time_s - self._time, 0.0)
         self._time = time_s
         if self._used == len(self._normals):
-            self._normals = self._generator.standard_normal((_BLOCK, self._normals.shape[1]))
+            self._normals = self._generator.standard_normal(
+                (_BLOCK_SAMPLES, self._normals.shape[1])
+            )
             self._used = 0
         counts = self._step(
             self._nodes,
@@ -132,7 +134,7 @@ class SimulatedDevice:
         device = self.device
         placement = rotation_vector_matrix(self._generator.normal(0.0, PLACEMENT_STD, 3))
         matrix = placement @ pose_matrix(orientation)
-        force = matrix @ np.array([0.0, 0.0, GRAVITY])
+        force = matrix @ np.array([0.0, 0.0, LOCAL_GRAVITY])
         world = {
             'gyroscope': matrix @ EARTH_RATE,
             'accelerometer': force,
@@ -145,7 +147,7 @@ class SimulatedDevice:
             seen = (1.0 + part.scale_error) * turned
             level = part.bias + self._generator.normal(0.0, 1.0, 3) * part.turn_on_std
             if sensor == 'gyroscope':
-                level = level + device.g_sensitivity * force @ G_PATTERN
+                level = level + device.g_sensitivity * force @ G_SENSITIVITY_PATTERN
             rows.append(
                 np.column_stack(
                     [
@@ -185,29 +187,29 @@ def _advance(
         substeps = int(np.ceil(step / LONGEST_SUBSTEP_S))
         for _ in range(substeps):
             step_nodes(nodes, network, air, step / substeps)
-        for p in range(_PROCESSES):
+        for p in range(_PROCESS_COUNT):
             decay = np.exp(-step / CORRELATION_TIMES[p])
             kick = np.sqrt(1.0 - decay * decay)
-            for c in range(_CHANNELS):
-                processes[p, c] = decay * processes[p, c] + kick * normals[p * _CHANNELS + c]
-    rate = SENSOR_RATE
+            for c in range(_CHANNEL_COUNT):
+                processes[p, c] = decay * processes[p, c] + kick * normals[p * _CHANNEL_COUNT + c]
+    rate = SENSOR_RATE_HZ
     if step > 0.0:
-        rate = max(1.0 / step, SENSOR_RATE)
+        rate = max(1.0 / step, SENSOR_RATE_HZ)
     counts = np.empty(10, dtype=np.int64)
-    for c in range(_CHANNELS):
+    for c in range(_CHANNEL_COUNT):
         level, slope, white, instability, bend, sign = constants[c]
         magnetic = c >= 6
         x = nodes[MAGNETOMETER if magnetic else DIE] - REFERENCE_TEMPERATURE
         load = bandgap_current(x, bend) if magnetic else stress_strain(x, bend)
         flicker = 0.0
-        for p in range(_PROCESSES):
+        for p in range(_PROCESS_COUNT):
             flicker += processes[p, c]
-        noise = white * np.sqrt(rate) * normals[_PROCESSES * _CHANNELS + c]
+        noise = white * np.sqrt(rate) * normals[_PROCESS_COUNT * _CHANNEL_COUNT + c]
         value = level + slope * load + PROCESS_STD * instability * flicker + noise
         count = np.rint(sign * value / sensitivity[c])
         counts[c] = int(min(max(count, COUNT_MIN), COUNT_MAX))
     offset, gain, noise = constants[9, 0], constants[9, 1], constants[9, 2]
     above = (nodes[DIE] - REFERENCE_TEMPERATURE) * (1.0 + gain)
     shown = REFERENCE_TEMPERATURE + above + offset + noise * normals[-1]
-    counts[9] = int(np.rint((shown - TEMPERATURE_ZERO) / TEMPERATURE_SENSITIVITY))
+    counts[9] = int(np.rint((shown - ZERO_COUNT_TEMPERATURE_C) / TEMPERATURE_SENSITIVITY_C))
     return counts

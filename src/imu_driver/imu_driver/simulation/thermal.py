@@ -17,7 +17,7 @@ from imu_recording.recording import FloatArray
 from imu_driver.simulation.devices import ThermalNetwork
 
 BOARD, PACKAGE, DIE, MAGNETOMETER = 0, 1, 2, 3
-NODES = 4
+NODE_COUNT = 4
 """Places in the state vector [°C]."""
 LONGEST_SUBSTEP_S = 0.25
 """Longest step of the integration [s]."""
@@ -72,20 +72,20 @@ def step_nodes(state: FloatArray, network: ThermalNetwork, air: float, step: flo
 def _integrate(
     network: ThermalNetwork, air: FloatArray, period: float, substeps: int, state: FloatArray
 ) -> FloatArray:
-    nodes = np.empty((len(air), NODES))
+    nodes = np.empty((len(air), NODE_COUNT))
     step = period / substeps
     for k in range(len(air)):
         for j in range(1, substeps + 1 if k else 0):
             part = j / substeps
             step_nodes(state, network, air[k - 1] + part * (air[k] - air[k - 1]), step)
-        for i in range(NODES):  # an array at once compiles the text of its error, too
+        for i in range(NODE_COUNT):  # an array at once compiles the text of its error, too
             nodes[k, i] = state[i]
     return nodes
 
 
 def steady_nodes(network: ThermalNetwork, air: float) -> FloatArray:
-    """Return the (NODES,) temperatures after a long time in air of one temperature [°C]."""
-    state = np.full(NODES, air)
+    """Return the (NODE_COUNT,) temperatures after a long time in air of one temperature [°C]."""
+    state = np.full(NODE_COUNT, air)
     for step in (10.0, 100.0, 1e3, 1e5, 1e7, 1e7, 1e7, 1e7, 1e7, 1e7):
         step_nodes(state, network, air, step)
     return state
@@ -94,11 +94,11 @@ def steady_nodes(network: ThermalNetwork, air: float) -> FloatArray:
 def node_temperatures(
     network: ThermalNetwork, air: FloatArray, period: float, *, powered_before: bool = True
 ) -> FloatArray:
-    """Return (n, NODES) temperatures [°C] in air (n,) [°C] sampled every `period` seconds.
+    """Return (n, NODE_COUNT) temperatures [°C] in air (n,) [°C] sampled every `period` seconds.
 
     The device starts in equilibrium with the first air, powered, or cold from the shelf.
     """
-    start = steady_nodes(network, float(air[0])) if powered_before else np.full(NODES, air[0])
+    start = steady_nodes(network, float(air[0])) if powered_before else np.full(NODE_COUNT, air[0])
     substeps = max(1, int(np.ceil(period / LONGEST_SUBSTEP_S - 1e-9)))
     nodes: FloatArray = _integrate(
         network, np.ascontiguousarray(air, dtype=np.float64), period, substeps, start

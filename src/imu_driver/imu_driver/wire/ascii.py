@@ -16,7 +16,7 @@ from typing import Final
 
 from imu_driver.wire.frames import (
     PROTOCOL_VERSION,
-    REGISTER_DUMP_LENGTH,
+    REGISTER_DUMP_BYTES,
     STREAMING,
     AcknowledgementFrame,
     CommandFrame,
@@ -28,7 +28,7 @@ from imu_driver.wire.frames import (
     is_serial_number,
 )
 
-MAXIMUM_LINE: Final = 255
+LONGEST_LINE_BYTES: Final = 255
 """No line of any version is longer, line end not counted."""
 
 _LINE = re.compile(rb'\$([^$*]*)\*([0-9A-F]{4})')
@@ -125,7 +125,7 @@ def _information(fields: list[bytes]) -> Frame:
     values = [_unsigned(field, bits) for field, bits in zip(numbers, widths, strict=True)]
     accelerometer_gyroscope, magnetometer = bytes.fromhex(who.decode('ascii'))
     dump = tuple(bytes.fromhex(registers.decode('ascii')))
-    if len(dump) != REGISTER_DUMP_LENGTH:
+    if len(dump) != REGISTER_DUMP_BYTES:
         raise ValueError(registers)
     return InformationFrame(
         serial_number=serial_number.decode('ascii'),

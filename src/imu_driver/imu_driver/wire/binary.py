@@ -19,7 +19,7 @@ from cobs import cobs
 
 from imu_driver.wire.frames import (
     PROTOCOL_VERSION,
-    REGISTER_DUMP_LENGTH,
+    REGISTER_DUMP_BYTES,
     STREAMING,
     AcknowledgementFrame,
     CommandFrame,
@@ -37,11 +37,11 @@ ACKNOWLEDGEMENT: Final = 0x30
 COMMAND: Final = 0x40
 
 DELIMITER: Final = b'\0'
-MAXIMUM_ENCODED: Final = 255
+LONGEST_FRAME_BYTES: Final = 255
 """No frame of any version is longer, delimiter not counted."""
 
 _DATA = struct.Struct('<BHIh9h')
-_INFORMATION = struct.Struct(f'<BBBII16s3BIHBBIIIIIHBB{REGISTER_DUMP_LENGTH}s')
+_INFORMATION = struct.Struct(f'<BBBII16s3BIHBBIIIIIHBB{REGISTER_DUMP_BYTES}s')
 _ACKNOWLEDGEMENT = struct.Struct('<BBBBI')
 _COMMAND = struct.Struct('<BBBI')
 

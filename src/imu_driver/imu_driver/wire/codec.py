@@ -105,9 +105,9 @@ class FrameDecoder:
     def __init__(self, protocol: str = 'auto') -> None:
         self._bytes = 0
         self._candidates = {
-            'ascii': _Splitter(b'\n', ascii_frames.MAXIMUM_LINE, _decode_line),
+            'ascii': _Splitter(b'\n', ascii_frames.LONGEST_LINE_BYTES, _decode_line),
             'binary': _Splitter(
-                binary_frames.DELIMITER, binary_frames.MAXIMUM_ENCODED, binary_frames.decode
+                binary_frames.DELIMITER, binary_frames.LONGEST_FRAME_BYTES, binary_frames.decode
             ),
         }
         if protocol != 'auto':

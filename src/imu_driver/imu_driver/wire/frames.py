@@ -24,7 +24,7 @@ STREAMING: Final = 0x1
 """Information flag: data frames are being sent."""
 
 
-REGISTER_DUMP_LENGTH: Final = 16
+REGISTER_DUMP_BYTES: Final = 16
 """Bytes of the register dump in an information frame; board.lsm9ds1.REGISTERS names them."""
 
 
@@ -79,7 +79,7 @@ class InformationFrame:
     who_am_i: tuple[int, int]
     """Accelerometer and gyroscope, magnetometer."""
     registers: tuple[int, ...]
-    """(REGISTER_DUMP_LENGTH,) read back from the device, in the order of lsm9ds1.REGISTERS."""
+    """(REGISTER_DUMP_BYTES,) read back from the device, in the order of lsm9ds1.REGISTERS."""
     version: int = PROTOCOL_VERSION
 
 

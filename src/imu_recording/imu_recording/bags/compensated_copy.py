@@ -25,7 +25,7 @@ from imu_recording.bags.decoding.message_types import definition_of
 from imu_recording.bags.files import Bag, locate_bag
 from imu_recording.bags.mcap.writer import McapStream
 from imu_recording.bags.metadata import (
-    UNREADABLE,
+    YAML_ERRORS,
     Qos,
     RecordedFile,
     qos_from_text,
@@ -213,7 +213,7 @@ class _TopicCopy:
     def define(self, channel: Channel) -> None:
         """Declare the topic as the bag does."""
         profiles: list[Qos] = []
-        with contextlib.suppress(*UNREADABLE):
+        with contextlib.suppress(*YAML_ERRORS):
             profiles = qos_from_text(channel.qos)
         self.copy.declare(self.topic, channel.message_type, channel.definition, profiles)
 

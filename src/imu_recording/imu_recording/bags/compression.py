@@ -16,7 +16,7 @@ else:
     from backports import zstd
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
-COMPRESSIONS = ('', 'zstd', 'lz4')
+CHUNK_COMPRESSIONS = ('', 'zstd', 'lz4')
 
 
 def decompress_chunk(
@@ -26,7 +26,7 @@ def decompress_chunk(
 
     Raises ValueError where the data is damaged or of an unknown compression.
     """
-    if compression not in COMPRESSIONS:
+    if compression not in CHUNK_COMPRESSIONS:
         raise ValueError(f'compression {compression!r} is none of none, zstd, lz4')
     if not compression:
         result: Any = data

@@ -14,21 +14,21 @@ import yaml
 from imu_recording.bags import sqlite
 from imu_recording.bags.compression import ZSTD_MAGIC
 from imu_recording.bags.mcap import writer as mcap
-from imu_recording.bags.metadata import UNREADABLE
+from imu_recording.bags.metadata import YAML_ERRORS
 from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.recording import BagError
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
 IMPORT_SUFFIXES = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
 """Suffixes of tables and of logs of autopilots."""
-METADATA = 'metadata.yaml'
-SUFFIXES = ('.mcap', '.db3', '.bag')
+METADATA_FILE = 'metadata.yaml'
+BAG_SUFFIXES = ('.mcap', '.db3', '.bag')
 YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 BAG_PATTERNS = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
 
 def yaml_content(text: str) -> Any:
-    """Return what a YAML text holds; raise one of UNREADABLE where it holds nothing usable."""
+    """Return what a YAML text holds; raise one of YAML_ERRORS where it holds nothing usable."""
     refuse_deep_yaml(text)
     return yaml.load(text, Loader=YAML_LOADER)  # noqa: S506 (safe, written in C)
 
@@ -57,7 +57,7 @@ class Bag:
 def locate_bag(path: str | PathLike[str]) -> Bag:
     """Find a bag's files; raise BagError naming the path where there is none."""
     path = Path(path)
-    if path.name == METADATA:
+    if path.name == METADATA_FILE:
         path = path.parent
     if not path.exists():
         raise BagError(f'{path}: no such file or folder')
@@ -87,7 +87,7 @@ def locate_bag(path: str | PathLike[str]) -> Bag:
 
 def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
     """Return rosbag2_bagfile_information, or an empty dict with a note."""
-    file = folder / METADATA
+    file = folder / METADATA_FILE
     if not file.is_file():
         bag.notes.append('metadata.yaml is missing: the recording was not closed')
         return {}
@@ -100,7 +100,7 @@ def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
             'custom_data': dict(information.get('custom_data') or {}),
             'compression_mode': str(information.get('compression_mode') or '').lower(),
         }
-    except UNREADABLE:
+    except YAML_ERRORS:
         bag.notes.append('metadata.yaml cannot be read: the files were scanned without it')
         return {}
 
@@ -120,7 +120,7 @@ def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> lis
     if missing and not present:
         raise BagError(f'{folder}: {missing[0]} named in metadata.yaml is missing')
     if not present:
-        inner = sorted(sub.name for sub in folder.iterdir() if (sub / METADATA).is_file())
+        inner = sorted(sub.name for sub in folder.iterdir() if (sub / METADATA_FILE).is_file())
         if inner:
             raise BagError(f'{folder}: not a bag but a folder of bags; name one: {_few(inner)}')
         raise BagError(f'{folder}: no bag in this folder (looked for {BAG_PATTERNS})')
@@ -129,7 +129,7 @@ def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> lis
 
 def _is_storage(file: Path) -> bool:
     name = file.name.removesuffix('.zstd')
-    return name.endswith(SUFFIXES)
+    return name.endswith(BAG_SUFFIXES)
 
 
 def _natural(file: Path) -> list[tuple[int, str]]:

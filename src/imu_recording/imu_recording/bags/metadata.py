@@ -18,7 +18,7 @@ from imu_recording.recording import BagError
 if TYPE_CHECKING:
     from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 
-UNREADABLE = (
+YAML_ERRORS = (
     yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError, RecursionError,
 )  # fmt: skip
 """Errors of reading YAML that is damaged, or of another form than rosbag2 writes."""
@@ -126,7 +126,7 @@ def known_metadata(folder: Path) -> dict[str, str]:
         content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
         custom = content['rosbag2_bagfile_information']['custom_data'] or {}
         return {str(key): str(value) for key, value in custom.items()}
-    except (OSError, *UNREADABLE):
+    except (OSError, *YAML_ERRORS):
         return {}
 
 

@@ -29,12 +29,12 @@ from imu_recording.bags.decoding.topic_columns import (
 from imu_recording.bags.files import BagFile, yaml_content
 from imu_recording.bags.mcap.footer import checksum_faults
 from imu_recording.bags.mcap.reader import McapScan, read_summary
-from imu_recording.bags.metadata import UNREADABLE
+from imu_recording.bags.metadata import YAML_ERRORS
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
 from imu_recording.logging_contract import METADATA_KEYS
 from imu_recording.recording import BagError
 
-DAMAGED_ROS1 = (
+ROS1_ERRORS = (
     AnyReaderError,
     ReaderError,
     TypesysError,
@@ -52,7 +52,7 @@ DAMAGED_ROS1 = (
 )
 """Errors that rosbags raises on damaged ROS 1 bags."""
 Deliver = Callable[[MessageBlock], None]
-UNCLOSED = 'was not closed: read as far as it goes'
+UNCLOSED_NOTE = 'was not closed: read as far as it goes'
 
 
 class MessageSink(Protocol):
@@ -115,7 +115,7 @@ def scan_messages(
     text = scan.metadata.get('rosbag2', {}).get('serialized_metadata', '')
     _metadata_inside(text, scan.metadata.get('custom_data', {}), metadata, space)
     if not scan.complete:
-        scan.problems.append(UNCLOSED)
+        scan.problems.append(UNCLOSED_NOTE)
     return [f'{file.path.name}: {problem}' for problem in scan.problems]
 
 
@@ -126,7 +126,7 @@ def _metadata_inside(
     found: dict[str, str] = dict(custom)
     try:
         content = yaml_content(text) if text else None
-    except UNREADABLE:
+    except YAML_ERRORS:
         content = None  # the recording itself does not depend on it
     if isinstance(content, dict) and isinstance(content.get('custom_data'), dict):
         found |= {str(key): str(value) for key, value in content['custom_data'].items()}
@@ -193,7 +193,7 @@ def open_ros1(path: Path) -> Iterator[AnyReader]:
             yield reader
     except BagError:
         raise
-    except DAMAGED_ROS1 as error:
+    except ROS1_ERRORS as error:
         reason = ' '.join(str(error).split())[:200] or type(error).__name__
         raise BagError(f'{path}: cannot be read as a ROS 1 bag ({reason})') from None
 

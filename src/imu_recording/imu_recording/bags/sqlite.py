@@ -22,7 +22,7 @@ from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'
 ROWS_PER_BLOCK = 8192
-DAMAGE = (sqlite3.Error, UnicodeDecodeError, MemoryError)
+DAMAGE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 """Errors that sqlite3 raises on damaged files."""
 LARGEST_TOPIC_ID = 1 << 20
 """A topic with a larger number is damage."""
@@ -35,17 +35,17 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
             topics: Any = connection.execute(
                 'SELECT id, name, type, serialization_format FROM topics ORDER BY id'
             ).fetchall()
-        except DAMAGE as error:
+        except DAMAGE_ERRORS as error:
             raise BagError(f'{path}: not a rosbag2 sqlite3 file ({error})') from None
         try:
             offered = dict(connection.execute('SELECT id, offered_qos_profiles FROM topics'))
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             offered = {}  # files written before ROS 2 Foxy carry none
         try:
             found: Any = connection.execute(
                 'SELECT topic_type, encoded_message_definition FROM message_definitions'
             ).fetchall()
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             found = []  # files written before ROS 2 Iron carry none
     definitions = {str(kind): str(text) for kind, text in found}
     return {
@@ -68,7 +68,7 @@ def sqlite_metadata(path: Path) -> str:
             found: Any = connection.execute(
                 'SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1'
             ).fetchall()
-        except DAMAGE:
+        except DAMAGE_ERRORS:
             found = []  # files written before ROS 2 Iron, or not closed, carry none
     return str(found[0][0]) if found else ''
 
@@ -112,7 +112,7 @@ def _messages_table(connection: sqlite3.Connection, problems: list[str]) -> Mess
             "SELECT rootpage, sql FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
         ).fetchall()
         columns: Any = connection.execute('PRAGMA table_info(messages)').fetchall()
-    except DAMAGE as error:
+    except DAMAGE_ERRORS as error:
         problems.append(f'its tables cannot be read: {error}')
         return None
     names = [column[1] for column in columns]
@@ -140,7 +140,7 @@ def _blocks(
         try:
             rows.extend(connection.execute(query, [last, *topics, limit]))
             done = len(rows) < limit
-        except DAMAGE as error:  # rows keeps what came before
+        except DAMAGE_ERRORS as error:  # rows keeps what came before
             done, damage = limit == 1, str(error) or 'a row that is larger than memory'
             limit = 1  # sqlite3 reads a row ahead: the last one before the damage comes alone
         sound = _in_order(rows, last)
@@ -173,7 +173,7 @@ def _open(path: Path) -> sqlite3.Connection:
             connection = sqlite3.connect(f'{path.resolve().as_uri()}?{options}', uri=True)
             connection.execute(f'PRAGMA writable_schema={lenient}')
             connection.execute('SELECT count(*) FROM sqlite_master').fetchall()
-        except DAMAGE as error:
+        except DAMAGE_ERRORS as error:
             reason = error
         else:
             return connection

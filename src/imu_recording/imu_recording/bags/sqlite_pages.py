@@ -20,18 +20,18 @@ from imu_recording.bags.decoding.topic_columns import MessageBlock, empty_block
 from imu_recording.jit import njit
 from imu_recording.recording import IntArray
 
-INTERIOR, LEAF = 0x05, 0x0D
+INTERIOR_PAGE, LEAF_PAGE = 0x05, 0x0D
 PAGES_PER_READ = 512
 """Leaf pages decoded at a time."""
-LARGEST_SPREAD = 3
+LARGEST_GROUP_SPREAD = 3
 """Largest spread of a group's pages, in groups, that is read at once; wider ones page by page."""
 JOURNAL_SUFFIXES = ('-wal', '-journal')
 LARGEST_COLUMN_COUNT = 16
 PADDING_BYTES = 64
 """Bytes behind the last page, so that a number cut by the end of its page reads as something."""
-LARGEST_COLUMN = 1 << 31
+LARGEST_COLUMN_BYTES = 1 << 31
 """A column that claims to be longer is damage [bytes]."""
-_WIDTHS = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.int64)
+_INTEGER_BYTES = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.int64)
 
 
 class NotPlainError(Exception):
@@ -68,7 +68,7 @@ def scan_pages(
             buffer, starts = _read(descriptor, pages, page_size)
             arrays = empty_block(len(pages) * (usable // 32))
             count, last, plain = read_leaves(
-                buffer, starts, usable, places, slots, _WIDTHS, arrays, last
+                buffer, starts, usable, places, slots, _INTEGER_BYTES, arrays, last
             )
             if count:
                 offset, length, received, slot = arrays
@@ -108,9 +108,9 @@ def _leaves(descriptor: int, root: int, page_size: int) -> Iterator[int]:
     """Give the leaf pages below a page, in order of their rows."""
     page = os.pread(descriptor, page_size, (root - 1) * page_size)
     at = 100 if root == 1 else 0
-    if len(page) < page_size or page[at] not in (INTERIOR, LEAF):
+    if len(page) < page_size or page[at] not in (INTERIOR_PAGE, LEAF_PAGE):
         raise NotPlainError
-    if page[at] == LEAF:
+    if page[at] == LEAF_PAGE:
         yield root
         return
     yield from _below(descriptor, page, at, page_size, depth=0)
@@ -127,12 +127,12 @@ def _below(descriptor: int, page: bytes, at: int, page_size: int, *, depth: int)
     first = os.pread(descriptor, page_size, (children[0] - 1) * page_size)
     if len(first) < page_size:
         raise NotPlainError
-    if first[0] == LEAF:
+    if first[0] == LEAF_PAGE:
         yield from children
         return
     for child in children:
         content = os.pread(descriptor, page_size, (child - 1) * page_size)
-        if len(content) < page_size or content[0] != INTERIOR:
+        if len(content) < page_size or content[0] != INTERIOR_PAGE:
             raise NotPlainError
         yield from _below(descriptor, content, 0, page_size, depth=depth + 1)
 
@@ -163,7 +163,7 @@ def _read(
     """Return the pages' bytes in one buffer and where each starts."""
     numbers = np.array(pages, np.int64) - 1
     first, last = int(numbers.min()), int(numbers.max())
-    if last - first < LARGEST_SPREAD * max(len(pages), 64):
+    if last - first < LARGEST_GROUP_SPREAD * max(len(pages), 64):
         reads = [(first, last - first + 1)]
         starts = (numbers - first) * page_size
     else:
@@ -217,7 +217,7 @@ def read_record(
     column = 0
     while head < stop:
         kind, head = varint(buffer, head)
-        if kind < 0 or kind > LARGEST_COLUMN or body > end:
+        if kind < 0 or kind > LARGEST_COLUMN_BYTES or body > end:
             return topic, moment, data, np.int64(-1)
         blob = kind >= 12
         width = (kind - 12) // 2 if blob else widths[min(kind, 9)]

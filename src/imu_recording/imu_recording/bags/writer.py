@@ -46,14 +46,14 @@ from imu_recording.recording import (
 )
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
-COMPRESSIONS = {
+BAG_COMPRESSIONS = {
     'zstd': CompressionMode.STORAGE,
     'none': CompressionMode.NONE,
     'message': CompressionMode.MESSAGE,
     'file': CompressionMode.FILE,
 }
 _FOREVER = QosTime(**INFINITE_DURATION)
-RELIABLE = Qos(
+RELIABLE_QOS = Qos(
     history=QosHistory.KEEP_LAST,
     depth=500,
     reliability=QosReliability.RELIABLE,
@@ -65,9 +65,9 @@ RELIABLE = Qos(
     avoid_ros_namespace_conventions=False,
 )
 """QoS of the nodes' publishers."""
-LATCHED = RELIABLE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
+LATCHED_QOS = RELIABLE_QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 """QoS of the phase: late subscribers still get it, also from a replay."""
-END_OF_STAMPS = (1 << 31) * SECOND_NS
+STAMP_LIMIT_NS = (1 << 31) * SECOND_NS
 """builtin_interfaces/Time counts seconds in 31 bits [ns]."""
 ROWS_PER_STRETCH = 1 << 14
 """Rows serialised at a time, so that memory stays bounded."""
@@ -101,7 +101,7 @@ def write_bag(
     _check(parts, path, storage, compression)
     writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
     if storage == 'mcap' or compression != 'zstd':
-        writer.set_compression(COMPRESSIONS[compression], CompressionFormat.ZSTD)
+        writer.set_compression(BAG_COMPRESSIONS[compression], CompressionFormat.ZSTD)
     for key, value in (*_metadata(parts), *(metadata or {}).items()):
         writer.set_custom_data(key, value)
     try:
@@ -118,8 +118,8 @@ def _check(parts: Sequence[ImuRecording], path: Path, storage: str, compression:
         raise BagError(f'{path}: no recording to write')
     if storage not in STORAGES:
         raise BagError(f'storage {storage!r} is none of {", ".join(STORAGES)}')
-    if compression not in COMPRESSIONS:
-        raise BagError(f'compression {compression!r} is none of {", ".join(COMPRESSIONS)}')
+    if compression not in BAG_COMPRESSIONS:
+        raise BagError(f'compression {compression!r} is none of {", ".join(BAG_COMPRESSIONS)}')
     if path.exists():
         raise BagError(f'{path}: exists already; remove it or name another')
     spaces = [part.namespace for part in parts]
@@ -131,7 +131,7 @@ def _check(parts: Sequence[ImuRecording], path: Path, storage: str, compression:
             raise BagError(f'{path}: the recording of {device} has no samples')
         if np.any(np.diff(part.stamp) <= 0):
             raise BagError(f'{path}: stamps of {device} do not increase')
-        if part.stamp[0] < 0 or part.stamp[-1] >= END_OF_STAMPS:
+        if part.stamp[0] < 0 or part.stamp[-1] >= STAMP_LIMIT_NS:
             raise BagError(f'{path}: stamps of {device} are outside 1970 … 2038')
 
 
@@ -155,7 +155,9 @@ def _write(writer: Writer, parts: Sequence[ImuRecording]) -> None:
                 f'{part.namespace}/{track.topic}',
                 track.message_type,
                 typestore=types,
-                offered_qos_profiles=(LATCHED if track.topic == PHASE_TOPIC else RELIABLE,),
+                offered_qos_profiles=(
+                    LATCHED_QOS if track.topic == PHASE_TOPIC else RELIABLE_QOS,
+                ),
             )
             for track in recorded_tracks(part)
         }
@@ -211,11 +213,11 @@ def _write_merged(writer: Writer, parts: Iterable[_Part]) -> None:
         write(connection[k], s, messages[k][i])
 
 
-REPEAT_NS = 10 * SECOND_NS
+REPEAT_INTERVAL_NS = 10 * SECOND_NS
 """A track that does not change is repeated at this interval [ns]."""
 RANK_OF_TOPIC = {TEMPERATURE_TOPIC: 1, IMU_TOPIC: 2, MAGNETIC_TOPIC: 3}
 """Order among equal stamps; chamber tracks come first."""
-NO_ORIENTATION = {4: -1.0}
+NO_ORIENTATION_DOUBLES = {4: -1.0}
 """orientation_covariance[0] of an Imu that reports no orientation (REP-145)."""
 
 
@@ -264,7 +266,7 @@ def _encoded(track: Track, recording: ImuRecording, first: int, last: int) -> En
             rows = _rows_to_send(track, recording.stamp, groups, first, last)
         count = LAYOUTS[track.message_type].columns[0].count
         taken = tuple(group[rows].reshape(len(rows), count) for group in groups)
-        constants = NO_ORIENTATION if track.message_type == IMU else None
+        constants = NO_ORIENTATION_DOUBLES if track.message_type == IMU else None
         frame = '' if track.shared else recording.frame_id
         records = encode_messages(track.message_type, measured[rows], frame, taken, constants)
         size = records.shape[1]
@@ -311,7 +313,7 @@ def _changed(values: NDArray[Any], first: int, last: int) -> NDArray[np.bool_]:
 
 def _due(stamp: IntArray, first: int, last: int) -> NDArray[np.bool_]:
     """Tell which rows are the first of a new repetition interval."""
-    turn = (stamp[max(first - 1, 0) : last] - stamp[0]) // REPEAT_NS
+    turn = (stamp[max(first - 1, 0) : last] - stamp[0]) // REPEAT_INTERVAL_NS
     due = np.diff(turn) > 0
     return due if first else np.concatenate(([True], due))
 

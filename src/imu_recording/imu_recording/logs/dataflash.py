@@ -22,8 +22,8 @@ import numpy as np
 
 from imu_recording.logs.dataflash_stream import (
     HEAD_BYTES,
-    INSTANCE,
-    TIME,
+    INSTANCE_COLUMN,
+    TIME_COLUMN,
     MessageLayout,
     messages_at,
     stream_messages,
@@ -41,11 +41,11 @@ from imu_recording.recording import FloatArray
 
 MAGIC = b'\xa3\x95'
 TESLA_PER_MILLIGAUSS = 1e-7
-WAY_OUT = 'log IMU messages: LOG_BITMASK bit 7 (IMU), LOG_DISARMED 1 (before take-off)'
-BOARD_ID = re.compile(r'^(\S+) ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$')
+LOGGING_ADVICE = 'log IMU messages: LOG_BITMASK bit 7 (IMU), LOG_DISARMED 1 (before take-off)'
+BOARD_ID_MESSAGE = re.compile(r'^(\S+) ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$')
 """The message that names board and serial number."""
-FIRMWARE = re.compile(r'^(Ardu|APM|Blimp|AntennaTracker)')
-REFERENCE_TEMPERATURE = 35.0
+FIRMWARE_MESSAGE = re.compile(r'^(Ardu|APM|Blimp|AntennaTracker)')
+REFERENCE_TEMPERATURE_C = 35.0
 """Reference temperature of the calibration INS_TCALn_… [°C]."""
 COEFFICIENT_SCALE = 1e-6
 """SI units per unit of a coefficient INS_TCALn_…."""
@@ -56,7 +56,7 @@ GYROSCOPE, ACCELEROMETER, MAGNETOMETER = (
 PADDING_BYTES = 528
 """Most bytes at the end of a log that are no message: logs on flash chips end with a page."""
 
-ROWS_AT_A_TIME = 100_000
+ROWS_PER_BLOCK = 100_000
 """Messages that are gathered at a time: the places of their bytes take eight times their size."""
 
 WHOLE_FILE_BYTES = 200_000_000
@@ -106,9 +106,9 @@ def read_dataflash(
     known = with_temperature(
         path, imus, 'this firmware logs none: update it, T is in IMU messages'
     )
-    board = next(filter(None, map(BOARD_ID.match, texts)), None)
+    board = next(filter(None, map(BOARD_ID_MESSAGE.match, texts)), None)
     vehicle = ''.join(board.groups()[1:]) if board else path.stem
-    hardware = {'firmware': next((text for text in texts if FIRMWARE.match(text)), '')}
+    hardware = {'firmware': next((text for text in texts if FIRMWARE_MESSAGE.match(text)), '')}
     if board:
         hardware['board'] = board.group(0)
     return FlightLog(
@@ -126,7 +126,7 @@ def _power_on(tables: Tables) -> int | None:
     table = tables('GPS')
     if not {'Status', 'GMS', 'GWk'} <= table.keys():
         return None
-    time = np.asarray(table[TIME]).astype(np.int64) * 1000
+    time = np.asarray(table[TIME_COLUMN]).astype(np.int64) * 1000
     return power_on(time, unix_of_gps(table['GWk'], table['GMS']), table['Status'])
 
 
@@ -147,11 +147,11 @@ def _indexed_messages(path: Path, reader: Any, name: str, *needed: str) -> dict[
     offsets = offsets[offsets + size <= reader.data_len]
     data = np.frombuffer(reader.data_map, np.uint8)
     rows = np.empty(len(offsets), layout.content)
-    for start in range(0, len(offsets), ROWS_AT_A_TIME):
-        some = slice(start, start + ROWS_AT_A_TIME)
+    for start in range(0, len(offsets), ROWS_PER_BLOCK):
+        some = slice(start, start + ROWS_PER_BLOCK)
         rows[some] = messages_at(data, offsets[some], layout)
     columns = _columns(rows, layout)
-    check_columns(path, name, columns, (TIME, *needed))
+    check_columns(path, name, columns, (TIME_COLUMN, *needed))
     return columns
 
 
@@ -197,7 +197,7 @@ def _streamed_messages(
     columns = tables.get(name, {})
     if not columns or not len(next(iter(columns.values()))):
         return {}
-    check_columns(path, name, columns, (TIME, *needed))
+    check_columns(path, name, columns, (TIME_COLUMN, *needed))
     return columns
 
 
@@ -295,7 +295,7 @@ def _parameters(table: Columns) -> dict[str, float]:
 def _imus(path: Path, tables: Tables, parameters: Mapping[str, float]) -> list[LoggedImu]:
     found = dict(_instances(tables, 'IMU', *GYROSCOPE, *ACCELEROMETER))
     if not found:
-        raise LogError(f'{path}: no IMU messages in it; {WAY_OUT}')
+        raise LogError(f'{path}: no IMU messages in it; {LOGGING_ADVICE}')
     fields = dict(_instances(tables, 'MAG', *MAGNETOMETER))
     boards = dict(_instances(tables, 'BARO'))
     turn = _board_rotation(path, parameters)
@@ -341,8 +341,8 @@ def _imus(path: Path, tables: Tables, parameters: Mapping[str, float]) -> list[L
 def _instances(tables: Tables, name: str, *needed: str) -> list[tuple[int, dict[str, Any]]]:
     """Return the messages of each instance: by their field I, or by a number in their name."""
     table = tables(name, *needed)
-    if INSTANCE in table:
-        instance = np.asarray(table[INSTANCE])
+    if INSTANCE_COLUMN in table:
+        instance = np.asarray(table[INSTANCE_COLUMN])
         return [
             (k, {n: np.asarray(v)[instance == k] for n, v in table.items()})
             for k in np.unique(instance).tolist()
@@ -394,10 +394,10 @@ def _calibration(
     prefix = f'INS_TCAL{number + 1}'
     sensor = f'INS_{kind}{number + 1}'
     low, high = parameters.get(f'{prefix}_TMIN', 0.0), parameters.get(f'{prefix}_TMAX', 70.0)
-    then = parameters.get(f'{sensor}_CALTEMP', REFERENCE_TEMPERATURE)
+    then = parameters.get(f'{sensor}_CALTEMP', REFERENCE_TEMPERATURE_C)
     total: FloatArray = np.zeros((len(temperature), 3))
     x, x0 = (
-        np.clip(t, low, high) - REFERENCE_TEMPERATURE for t in (temperature, np.array([then]))
+        np.clip(t, low, high) - REFERENCE_TEMPERATURE_C for t in (temperature, np.array([then]))
     )
     for k, axis in enumerate('XYZ'):
         for power in (1, 2, 3):

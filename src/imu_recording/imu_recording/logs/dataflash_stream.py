@@ -22,9 +22,9 @@ PIECE_BYTES = 1 << 23
 """Size of the pieces that are read at a time."""
 HEAD_BYTES = 3
 """Size of a message's head, before its content."""
-DEFINITION = 0x80
+DEFINITION_TYPE = 0x80
 """Type of the message that says how long others are."""
-TIME, INSTANCE = 'TimeUS', 'I'
+TIME_COLUMN, INSTANCE_COLUMN = 'TimeUS', 'I'
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def stream_messages(
     for name, kept in parts.items():
         found.messages[name] = np.concatenate([np.zeros(0, layouts[name].content), *kept])
     for name, instances in means.items():
-        found.tables[name] = _table(instances, INSTANCE in layouts[name].factors)
+        found.tables[name] = _table(instances, INSTANCE_COLUMN in layouts[name].factors)
     return found
 
 
@@ -110,12 +110,12 @@ def _average(
     count: int,
 ) -> None:
     """Add messages to the means of their instance."""
-    has_instance = INSTANCE in layout.factors
-    instance = messages[INSTANCE] if has_instance else np.zeros(len(messages), np.int64)
+    has_instance = INSTANCE_COLUMN in layout.factors
+    instance = messages[INSTANCE_COLUMN] if has_instance else np.zeros(len(messages), np.int64)
     for number in np.unique(instance).tolist():
         own = messages[instance == number]
         values = {name: layout.column(own, name) for name in columns if name in layout.factors}
-        means.setdefault(number, BlockMeans(count)).add(own[TIME].astype(np.int64), values)
+        means.setdefault(number, BlockMeans(count)).add(own[TIME_COLUMN].astype(np.int64), values)
 
 
 def _table(instances: Mapping[int, BlockMeans], has_instance: bool) -> dict[str, Any]:
@@ -123,13 +123,13 @@ def _table(instances: Mapping[int, BlockMeans], has_instance: bool) -> dict[str,
     results = {number: means.result() for number, means in sorted(instances.items())}
     if not results:
         return {}
-    columns: dict[str, Any] = {TIME: np.concatenate([time for time, _ in results.values()])}
+    columns: dict[str, Any] = {TIME_COLUMN: np.concatenate([time for time, _ in results.values()])}
     names = next(iter(results.values()))[1]
     for name in names:
         columns[name] = np.concatenate([values[name] for _, values in results.values()])
     if has_instance:
         lengths = [len(time) for time, _ in results.values()]
-        columns[INSTANCE] = np.repeat(list(results), lengths)
+        columns[INSTANCE_COLUMN] = np.repeat(list(results), lengths)
     return columns
 
 
@@ -172,7 +172,7 @@ def scan_messages(
             continue
         if at + length > n:
             break
-        if piece[at + 2] == DEFINITION and lengths[piece[at + HEAD_BYTES]] == 0:
+        if piece[at + 2] == DEFINITION_TYPE and lengths[piece[at + HEAD_BYTES]] == 0:
             lengths[piece[at + HEAD_BYTES]] = piece[at + HEAD_BYTES + 1]
         kind = kind_of[piece[at + 2]]
         if kind >= 0:

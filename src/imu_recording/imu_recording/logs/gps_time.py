@@ -12,13 +12,13 @@ from imu_recording.recording import FloatArray, IntArray
 GPS_EPOCH_S = 315_964_800
 """1980-01-06 in Unix time."""
 WEEK_S = 604_800
-LEAP_S = 18
+LEAP_SECONDS = 18
 """Seconds by which GPS time is ahead of UTC, since 2017."""
-POSITION_FIX = 3
+POSITION_FIX_STATUS = 3
 """Status of a receiver from which its time is right (three-dimensional fix)."""
-POSSIBLE_S = (1.2e9, 4.1e9)
+POSSIBLE_DATES_S = (1.2e9, 4.1e9)
 """Dates that are used: 2008 to 2099, Unix time."""
-SPREAD_S = 2.0
+LARGEST_SPREAD_S = 2.0
 """Largest scatter of a receiver's times about those of the log; more is not used [s]."""
 
 
@@ -29,7 +29,9 @@ def unix_of_gps(week: Any, milliseconds: Any) -> FloatArray:
     0.0
     """
     weeks = np.asarray(week, np.float64) * WEEK_S
-    return np.asarray(GPS_EPOCH_S - LEAP_S + weeks + 1e-3 * np.asarray(milliseconds, np.float64))
+    return np.asarray(
+        GPS_EPOCH_S - LEAP_SECONDS + weeks + 1e-3 * np.asarray(milliseconds, np.float64)
+    )
 
 
 def power_on(time: IntArray, unix: FloatArray, fix: Any) -> int | None:
@@ -37,11 +39,15 @@ def power_on(time: IntArray, unix: FloatArray, fix: Any) -> int | None:
 
     `time`: (n,) of the log [ns], `unix`: (n,) told by the receiver then [s], `fix`: (n,) status.
     """
-    told = (np.asarray(fix) >= POSITION_FIX) & (unix > POSSIBLE_S[0]) & (unix < POSSIBLE_S[1])
+    told = (
+        (np.asarray(fix) >= POSITION_FIX_STATUS)
+        & (unix > POSSIBLE_DATES_S[0])
+        & (unix < POSSIBLE_DATES_S[1])
+    )
     if not told.any():
         return None
     zero = unix[told] - time[told] * 1e-9
     middle = float(np.median(zero))
-    if float(np.median(np.abs(zero - middle))) > SPREAD_S:
+    if float(np.median(np.abs(zero - middle))) > LARGEST_SPREAD_S:
         return None
     return round(middle * 1e6) * 1000

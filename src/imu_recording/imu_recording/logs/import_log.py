@@ -29,14 +29,14 @@ from imu_recording.synchronise import (
     without_jumps,
 )
 
-BLACKBOX = b'H Product:Black'
+BLACKBOX_MAGIC = b'H Product:Black'
 """First bytes of a Blackbox log (Betaflight, iNav, Cleanflight and others)."""
 LOG_SUFFIXES = {
     '.ulg': 'PX4 ULog',
     '.bin': 'ArduPilot DataFlash log',
     '.bbl': 'Blackbox log',
 }
-NOT_FROM_BLACKBOX = (
+BLACKBOX_REFUSAL = (
     'a Blackbox log tells nothing about temperature: Betaflight writes none of its IMU into it, '
     'and rates of iNav are whole °/s. Record the IMU with its temperature otherwise (PX4 .ulg, '
     'ArduPilot .bin, a bag, CSV)'
@@ -68,8 +68,8 @@ def import_log(path: str | Path) -> list[ImportedImu]:
             start = stream.read(16)
     except OSError as error:
         raise LogError(f'{path}: cannot be read ({error.strerror})') from None
-    if start.startswith(BLACKBOX):
-        raise LogError(f'{path}: {NOT_FROM_BLACKBOX}')
+    if start.startswith(BLACKBOX_MAGIC):
+        raise LogError(f'{path}: {BLACKBOX_REFUSAL}')
     if not (is_ulog(start) or is_dataflash(start)):
         raise LogError(f'{path}: neither a PX4 ULog nor an ArduPilot DataFlash log')
     with np.errstate(invalid='ignore'):  # damaged bytes may be signalling NaN
@@ -105,7 +105,7 @@ def is_log(path: Path) -> bool:
             start = stream.read(16)
     except OSError:
         return False
-    known = is_ulog(start) or is_dataflash(start) or start.startswith(BLACKBOX)
+    known = is_ulog(start) or is_dataflash(start) or start.startswith(BLACKBOX_MAGIC)
     named = LOG_SUFFIXES.get(path.suffix.lower())
     if named and not known:
         why = 'its first bytes are not those of one' if start else 'it is empty'

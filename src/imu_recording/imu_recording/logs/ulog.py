@@ -27,22 +27,22 @@ from imu_recording.logs.ulog_stream import Topic, ends_within_a_message, stream_
 from imu_recording.recording import FloatArray
 
 MAGIC = b'ULog\x01\x12\x35'
-VERSIONS = (0, 1)
-COLUMNS = {
+KNOWN_VERSIONS = (0, 1)
+COLUMNS_OF_TOPIC = {
     'sensor_accel': ('x', 'y', 'z', 'temperature'),
     'sensor_gyro': ('x', 'y', 'z'),
     'sensor_mag': ('x', 'y', 'z'),
     'sensor_baro': ('temperature',),
 }
 """Topics that are read, and what they have to hold beside the time."""
-TOPICS = tuple(COLUMNS)
-CLOCKS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
+TOPICS = tuple(COLUMNS_OF_TOPIC)
+CLOCK_COLUMNS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
 """Topics that may tell the date."""
-CUT_OFF = 'the log was cut off: it ends within a message; what follows is missing'
+CUT_OFF_NOTE = 'the log was cut off: it ends within a message; what follows is missing'
 TESLA_PER_GAUSS = 1e-4
-HIGHEST_HPA = 2000.0
+LARGEST_PRESSURE_HPA = 2000.0
 """Pressure up to which sensor_baro is in hPa, as before PX4 1.14; since then it is in Pa."""
-WAY_OUT = (
+LOGGING_ADVICE = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
 )
@@ -50,7 +50,7 @@ WHOLE_FILE_BYTES = 200_000_000
 """Size up to which a file is read as a whole; a longer one is averaged."""
 MOST_KEPT_ROWS = 1_000_000
 """Largest number of rows kept of each topic of a longer file, all IMUs together."""
-HARDWARE = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
+HARDWARE_KEYS = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
 """What a log says of board and firmware."""
 
 
@@ -71,11 +71,11 @@ def read_ulog(
     log, said = _opened(path, header_only=long)
     data, notes = _streamed(path, log, most_rows) if long else _held(path, log, said)
     zero = _power_on(data)
-    data = {key: item for key, item in data.items() if key[0] in COLUMNS}
+    data = {key: item for key, item in data.items() if key[0] in COLUMNS_OF_TOPIC}
     for (topic, instance), item in data.items():
-        check_columns(path, f'{topic} {instance}', item, ('timestamp', *COLUMNS[topic]))
+        check_columns(path, f'{topic} {instance}', item, ('timestamp', *COLUMNS_OF_TOPIC[topic]))
     imus = _imus(path, data)
-    known = with_temperature(path, imus, f'its sensors report none in this log; {WAY_OUT}')
+    known = with_temperature(path, imus, f'its sensors report none in this log; {LOGGING_ADVICE}')
     without = [f'IMU {imu.number}' for imu in imus if imu not in known]
     if without:
         notes.append(f'left out, no temperature: {", ".join(without)}')
@@ -84,7 +84,7 @@ def read_ulog(
         vehicle=f'px4_{info.get("sys_uuid") or path.stem}',
         imus=known,
         parameters={str(k): float(v) for k, v in log.initial_parameters.items()},
-        hardware={key: str(info[key]) for key in HARDWARE if key in info},
+        hardware={key: str(info[key]) for key in HARDWARE_KEYS if key in info},
         power_on=zero,
         path=str(path),
         notes=tuple(notes),
@@ -94,7 +94,10 @@ def read_ulog(
 def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
     """Return when the log's clock was zero by the first receiver that tells."""
     for (topic, _), item in sorted(data.items(), key=lambda one: one[0]):
-        if topic not in CLOCKS or not {'timestamp', 'time_utc_usec', 'fix_type'} <= item.keys():
+        if (
+            topic not in CLOCK_COLUMNS
+            or not {'timestamp', 'time_utc_usec', 'fix_type'} <= item.keys()
+        ):
             continue
         time = np.asarray(item['timestamp']).astype(np.int64) * 1000
         zero = power_on(time, 1e-6 * np.asarray(item['time_utc_usec'], float), item['fix_type'])
@@ -109,7 +112,7 @@ def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any
     lost = sum(dropout.duration for dropout in log.dropouts)
     data = {(item.name, item.multi_id): item.data for item in log.data_list}
     notes = _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
-    return data, [*notes, *([CUT_OFF] if ends_within_a_message(path) else [])]
+    return data, [*notes, *([CUT_OFF_NOTE] if ends_within_a_message(path) else [])]
 
 
 def _streamed(
@@ -117,8 +120,8 @@ def _streamed(
 ) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a long log, averaged, and notes."""
     further = ('temperature', 'pressure', 'device_id')
-    columns = {name: (*COLUMNS[name], *further) for name in TOPICS}
-    columns |= {name: (*needed, 'fix_type') for name, needed in CLOCKS.items()}
+    columns = {name: (*COLUMNS_OF_TOPIC[name], *further) for name in TOPICS}
+    columns |= {name: (*needed, 'fix_type') for name, needed in CLOCK_COLUMNS.items()}
     known = {name: tuple(dict.fromkeys(needed)) for name, needed in columns.items()}
     try:
         found = stream_topics(path, log.message_formats, known, most_rows)
@@ -130,7 +133,7 @@ def _streamed(
         damaged=found.damaged > 0, dropouts=found.dropouts, lost_ms=found.dropout_ms
     )
     if found.cut:
-        notes.append(CUT_OFF)
+        notes.append(CUT_OFF_NOTE)
     if found.averaged > 1:
         notes.append(f'a long log: rows are means of {found.averaged} samples')
     return dict(found.columns), notes
@@ -153,7 +156,7 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
         raise LogError(f'{path}: reading a ULog needs pyulog (pip install pyulog)') from None
     with path.open('rb') as stream:
         version = stream.read(8)[-1]
-    if version not in VERSIONS:
+    if version not in KNOWN_VERSIONS:
         raise LogError(f'{path}: ULog of version {version}; versions 0 and 1 are read')
 
     class Parser(ULog):  # type: ignore[misc]
@@ -178,7 +181,7 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said):
-            topics = [*TOPICS, *CLOCKS]
+            topics = [*TOPICS, *CLOCK_COLUMNS]
             log = Parser(str(path), message_name_filter_list=topics, parse_header_only=header_only)
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         raise LogError(
@@ -193,7 +196,7 @@ def _imus(path: Path, data: Mapping[tuple[str, int], Mapping[str, Any]]) -> list
     accelerometers, gyroscopes = instances['sensor_accel'], instances['sensor_gyro']
     if not accelerometers or not gyroscopes:
         missing = 'sensor_accel' if not accelerometers else 'sensor_gyro'
-        raise LogError(f'{path}: no {missing} in it; {WAY_OUT}')
+        raise LogError(f'{path}: no {missing} in it; {LOGGING_ADVICE}')
     chip = {k: _device_id(data['sensor_gyro', k]) for k in gyroscopes}
     free = list(gyroscopes)
     pairs: dict[int, int] = {}
@@ -248,7 +251,7 @@ def _pressure(board: Mapping[str, Any] | None) -> Series | None:
         return None
     series = _series(board, ('pressure',))
     known = series.values[np.isfinite(series.values)]
-    hectopascal = len(known) > 0 and float(np.median(known)) < HIGHEST_HPA
+    hectopascal = len(known) > 0 and float(np.median(known)) < LARGEST_PRESSURE_HPA
     return Series(series.time, series.values * 100.0) if hectopascal else series
 
 

@@ -21,9 +21,9 @@ from imu_recording.recording import IntArray
 
 PIECE_BYTES = 1 << 23
 """Size of the pieces that are read at a time."""
-FIRST_MESSAGE_BYTE = 16
+FIRST_MESSAGE_OFFSET = 16
 """Place of the first message, after magic, version and time."""
-SYNC = bytes.fromhex('2f731320250cbb12')
+SYNC_MAGIC = bytes.fromhex('2f731320250cbb12')
 """Eight bytes that stand at the end of every synchronisation message."""
 TYPES = {
     'uint8_t': 'u1', 'int8_t': 'i1', 'uint16_t': '<u2', 'int16_t': '<i2', 'uint32_t': '<u4',
@@ -120,7 +120,7 @@ def _pieces(
     topics: list[Topic] = []
     offsets, kinds = np.zeros(PIECE_BYTES // 4, np.int64), np.zeros(PIECE_BYTES // 4, np.int64)
     with path.open('rb') as stream:
-        stream.seek(FIRST_MESSAGE_BYTE)
+        stream.seek(FIRST_MESSAGE_OFFSET)
         rest = b''
         while True:
             read = stream.read(PIECE_BYTES)
@@ -143,8 +143,8 @@ def _pieces(
                     at += 5
                 elif stopped == 0:  # no message: go on behind the next mark
                     found.damaged += 1
-                    mark = bytes(piece[at + 1 :]).find(SYNC)
-                    at = len(piece) if mark < 0 else at + 1 + mark + len(SYNC)
+                    mark = bytes(piece[at + 1 :]).find(SYNC_MAGIC)
+                    at = len(piece) if mark < 0 else at + 1 + mark + len(SYNC_MAGIC)
                 else:
                     break
             if not read:

@@ -18,8 +18,8 @@ from imu_recording.bags.metadata import Qos, qos_profile
 from imu_recording.free_space import free_bytes
 from imu_recording.logging_contract import IMU
 from imu_recording.recorder.plan import (
-    INTERNAL,
-    MEGABYTE,
+    INTERNAL_TOPICS,
+    MEGABYTE_BYTES,
     RecorderConfig,
     missing_topics,
     output_folder,
@@ -33,7 +33,7 @@ from imu_recording.ros.losses import nothing_heard
 from imu_recording.ros.parameter_node import ACTIVE
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
-from imu_recording.ros.topic_node import DIAGNOSTICS, latched_qos
+from imu_recording.ros.topic_node import DIAGNOSTICS_TOPIC, latched_qos
 
 DISCOVERY_PERIOD_S = 0.5
 FLUSH_PERIOD_S = 1.0
@@ -66,7 +66,9 @@ class RecorderNode(ConfiguredNode):
         self.failure = ''
         self.listen(String, RUN_TOPIC, self.on_run)
         if not self._capture:
-            heard = self.create_subscription(DiagnosticArray, DIAGNOSTICS, self.on_diagnostics, 10)
+            heard = self.create_subscription(
+                DiagnosticArray, DIAGNOSTICS_TOPIC, self.on_diagnostics, 10
+            )
             self._entities.append(lambda: self.destroy_subscription(heard))
         self.every(DISCOVERY_PERIOD_S, self.discover)
         self.every(FLUSH_PERIOD_S, self.flush)
@@ -252,7 +254,7 @@ class RecorderNode(ConfiguredNode):
 
 def is_measured(topic: str) -> bool:
     """Tell whether a topic can carry measurements: those about nodes and runs do not."""
-    about_nodes = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
+    about_nodes = (RUN_TOPIC, DIAGNOSTICS_TOPIC, *INTERNAL_TOPICS)
     return topic not in about_nodes and not topic.endswith('/transition_event')
 
 
@@ -278,7 +280,7 @@ def recorder_health(
     if unknown:
         return 1, f'types not installed: {", ".join(sorted(unknown))}'
     if free < LOW_DISK_BYTES:
-        return 1, f'{free / MEGABYTE:.0f} MB left on the disk'
+        return 1, f'{free / MEGABYTE_BYTES:.0f} MB left on the disk'
     return 0, waiting or 'recording'
 
 

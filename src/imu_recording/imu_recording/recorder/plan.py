@@ -37,10 +37,10 @@ class RecorderConfig(NodeConfig):
     metadata: list[str] = parameter([], "Further metadata, 'key=value'")  # noqa: RUF009
 
 
-INTERNAL = ('/parameter_events', '/rosout')
+INTERNAL_TOPICS = ('/parameter_events', '/rosout')
 """Topics that are recorded only when named."""
-MEGABYTE = 1_000_000
-SPLITS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
+MEGABYTE_BYTES = 1_000_000
+SPLIT_PARAMETERS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
 """When a file begins: a profile's word → the recorder's parameter `split`."""
 
 
@@ -75,7 +75,7 @@ def recording_plan(
     metadata = recording_metadata(output, named)
     if announcement.profile_sha256 and metadata.get('profile') == announcement.profile:
         metadata.setdefault('profile_sha256', announcement.profile_sha256)
-    split = config.split or SPLITS.get(announcement.split, announcement.split) or 'phase'
+    split = config.split or SPLIT_PARAMETERS.get(announcement.split, announcement.split) or 'phase'
     at_phase, size = parse_split(split)
     return RecordingPlan(
         folder=_folder(output, announcement),
@@ -121,7 +121,7 @@ def parse_split(text: str) -> tuple[bool, int]:
         if word == 'phase':
             at_phase = True
         elif word.endswith('mb') and number.isdecimal() and int(number):
-            size = int(number) * MEGABYTE
+            size = int(number) * MEGABYTE_BYTES
         elif word != 'none':
             raise RecordingError(
                 f"split is {text!r}, expected 'phase', 'none', a size such as '500 MB', "
@@ -139,7 +139,7 @@ def is_wanted(topic: str, patterns: Sequence[str]) -> bool:
     True
     """
     if not patterns:
-        return topic not in INTERNAL and '/_' not in topic
+        return topic not in INTERNAL_TOPICS and '/_' not in topic
     return any(fnmatchcase(topic, p if p.startswith(('/', '*')) else f'/{p}') for p in patterns)
 
 

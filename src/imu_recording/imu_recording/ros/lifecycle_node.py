@@ -21,7 +21,7 @@ from rclpy.qos import QoSProfile
 from imu_recording.ros.diagnostics import NO_HARDWARE, Status, StatusLog, diagnostic_array
 from imu_recording.ros.parameter import config_from_values
 from imu_recording.ros.parameter_node import ACTIVE, UNCONFIGURED
-from imu_recording.ros.topic_node import DIAGNOSTICS, TopicNode
+from imu_recording.ros.topic_node import DIAGNOSTICS_TOPIC, TopicNode
 
 
 class ConfiguredNode(TopicNode):
@@ -48,7 +48,7 @@ class ConfiguredNode(TopicNode):
         """By task: the first one, and each that has had a warning or an error."""
         super().__init__(name, **options)
         self._diagnostics_publisher = self._publisher(
-            DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10), managed=False
+            DiagnosticArray, DIAGNOSTICS_TOPIC, QoSProfile(depth=10), managed=False
         )
         self._diagnostics_timer = self.create_timer(1.0, self.publish_diagnostics)
 
@@ -93,7 +93,7 @@ class ConfiguredNode(TopicNode):
         name = self.get_fully_qualified_name().lstrip('/')
         message = diagnostic_array(name, self.now(), statuses, self.hardware)
         self._diagnostics_publisher.publish(message)
-        for take in self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS)).samples:
+        for take in self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS_TOPIC)).samples:
             take(message)
 
     def _statuses(self) -> dict[str, Status]:

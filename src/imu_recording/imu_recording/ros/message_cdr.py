@@ -24,7 +24,7 @@ _FORMATS = {
     **{f'int{bits}': c for bits, c in ((8, 'b'), (16, 'h'), (32, 'i'), (64, 'q'))},
     **{f'uint{bits}': c for bits, c in ((8, 'B'), (16, 'H'), (32, 'I'), (64, 'Q'))},
 }
-_KNOWN: dict[Any, list[tuple[str, str, str, bool]]] = {}
+_FIELDS_OF_TYPE: dict[Any, list[tuple[str, str, str, bool]]] = {}
 _ARRAY = re.compile(r'^(?P<of>[\w/]+)\[(?P<count>\d+)\]$')
 _SEQUENCE = re.compile(r'^sequence<(?P<of>[\w/]+)(?:, \d+)?>$')
 
@@ -97,8 +97,8 @@ def numbers_of(message: Any, prefix: str = '') -> Iterator[tuple[str, float]]:
 
 def _fields(message_type: Any) -> list[tuple[str, str, str, bool]]:
     """Return (field, 'single' | 'array' | 'sequence', element type, whether that is a message)."""
-    if message_type in _KNOWN:
-        return _KNOWN[message_type]
+    if message_type in _FIELDS_OF_TYPE:
+        return _FIELDS_OF_TYPE[message_type]
     found = []
     declared: dict[str, str] = message_type.get_fields_and_field_types()
     for name, text in declared.items():
@@ -107,5 +107,5 @@ def _fields(message_type: Any) -> list[tuple[str, str, str, bool]]:
         of = match['of'] if match else text
         kind = 'array' if array else 'sequence' if sequence else 'single'
         found.append((name, kind, of, '/' in of))
-    _KNOWN[message_type] = found
+    _FIELDS_OF_TYPE[message_type] = found
     return found

@@ -18,8 +18,8 @@ Quaternion = tuple[float, float, float, float]
 Covariance = tuple[float, ...]
 """Nine numbers, row-major; all 0: unknown; first −1: not reported (REP-145)."""
 
-UNKNOWN: Covariance = (0.0,) * 9
-NOT_REPORTED: Covariance = (-1.0,) + (0.0,) * 8
+UNKNOWN_COVARIANCE: Covariance = (0.0,) * 9
+NOT_REPORTED_COVARIANCE: Covariance = (-1.0,) + (0.0,) * 8
 
 
 class ImuSample(NamedTuple):
@@ -30,12 +30,12 @@ class ImuSample(NamedTuple):
     """[rad/s]"""
     linear_acceleration: Vector
     """[m/s²], specific force."""
-    angular_velocity_covariance: Covariance = UNKNOWN
-    linear_acceleration_covariance: Covariance = UNKNOWN
+    angular_velocity_covariance: Covariance = UNKNOWN_COVARIANCE
+    linear_acceleration_covariance: Covariance = UNKNOWN_COVARIANCE
     frame_id: str = 'imu_link'
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     """xyzw, sensor → world."""
-    orientation_covariance: Covariance = NOT_REPORTED
+    orientation_covariance: Covariance = NOT_REPORTED_COVARIANCE
 
 
 class MagneticSample(NamedTuple):
@@ -44,7 +44,7 @@ class MagneticSample(NamedTuple):
     stamp: int
     magnetic_field: Vector
     """[T]"""
-    magnetic_field_covariance: Covariance = UNKNOWN
+    magnetic_field_covariance: Covariance = UNKNOWN_COVARIANCE
     frame_id: str = 'imu_link'
 
 
@@ -93,7 +93,7 @@ def sample_from_magnetic_field(message: Any) -> MagneticSample:
     """Return the sample of a sensor_msgs/MagneticField."""
     return MagneticSample(
         stamp=stamp_of(message),
-        magnetic_field=_vector(message.magnetic_field, UNKNOWN),
+        magnetic_field=_vector(message.magnetic_field, UNKNOWN_COVARIANCE),
         magnetic_field_covariance=_covariance(message.magnetic_field_covariance),
         frame_id=message.header.frame_id,
     )
@@ -111,7 +111,7 @@ def sample_from_temperature(message: Any) -> TemperatureSample:
 
 def sample_from_vector(message: Any) -> VectorSample:
     """Return the sample of a geometry_msgs/Vector3Stamped."""
-    vector = _vector(message.vector, UNKNOWN)
+    vector = _vector(message.vector, UNKNOWN_COVARIANCE)
     return VectorSample(stamp_of(message), vector, message.header.frame_id)
 
 

@@ -26,7 +26,7 @@ from imu_recording.user_error import UserError
 
 C = TypeVar('C')
 
-KINDS = {
+TYPE_NAMES = {
     bool: 'true or false',
     int: 'a whole number',
     float: 'a number',
@@ -144,7 +144,7 @@ def _converted(name: str, default: Any, value: Any) -> Any:
             return value
     elif is_number and (isinstance(default, float) or float(value).is_integer()):
         return type(default)(value)
-    raise ParameterError(f'{name} is {value!r}, expected {KINDS[type(default)]}')
+    raise ParameterError(f'{name} is {value!r}, expected {TYPE_NAMES[type(default)]}')
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from imu_recording.user_error import UserError
 
 DEBOUNCE_S = 0.4
 """Ctrl-C reaches a launched node twice within this time: still one interrupt [s]."""
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+INTERRUPT_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupts:
@@ -50,7 +50,7 @@ class Interrupts:
         self.count = 0
         self._raises = True
         self._last = float('-inf')
-        for number in SIGNALS:
+        for number in INTERRUPT_SIGNALS:
             signal.signal(number, self._on_signal)
 
     def begin_to_count(self) -> None:
@@ -59,7 +59,7 @@ class Interrupts:
 
     def ignore(self) -> None:
         """Let what follows (releasing devices, closing files) run to its end undisturbed."""
-        for number in SIGNALS:
+        for number in INTERRUPT_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
     def _on_signal(self, *_: object) -> None:
@@ -73,9 +73,9 @@ class Interrupts:
 
 SPIN_TIMEOUT_S = 0.2
 """An interrupt is seen at most this long after it came [s]."""
-REFUSED = 2
+REFUSED_EXIT_CODE = 2
 """Exit code where the arguments or, of a node with an end, the configuration are refused."""
-UNCONFIGURED_WAY = (
+UNCONFIGURED_ADVICE = (
     'unconfigured: set what is wrong (ros2 param set {0} …), then configure and activate '
     '(ros2 lifecycle set {1} configure)'
 )
@@ -111,12 +111,12 @@ def run_node(
     node, interrupts = None, Interrupts()
     try:
         os.environ.setdefault(*MIDDLEWARE_PROFILES)
-        COMPILATION_LISTENERS.append(partial(get_logger('imu_recording').info, COMPILING))
+        COMPILATION_LISTENERS.append(partial(get_logger('imu_recording').info, COMPILING_MESSAGE))
         node = _new_node(node_class, arguments)
         if node.get_parameter('autostart').value and not node.autostart(interrupts.begin_to_count):
             if spin:
-                return REFUSED
-            way = UNCONFIGURED_WAY.format(node.refuser, node.get_fully_qualified_name())
+                return REFUSED_EXIT_CODE
+            way = UNCONFIGURED_ADVICE.format(node.refuser, node.get_fully_qualified_name())
             node.get_logger().warning(way)
         interrupts.begin_to_count()
         gc.collect()
@@ -124,7 +124,7 @@ def run_node(
         return (spin or _until_interrupted)(node, _executor(node), interrupts)
     except UserError as error:
         sys.stderr.write(f'{error}; --help lists what can be given\n')
-        return REFUSED
+        return REFUSED_EXIT_CODE
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     finally:
@@ -179,7 +179,7 @@ def _until_interrupted(_: Any, look: Callable[[], None], interrupts: Interrupts)
     return 0
 
 
-COMPILING = (
+COMPILING_MESSAGE = (
     'compiling the numerical kernels this node needs: once after a build, up to a minute; '
     'python -m imu_workbench.precompile compiles all of them ahead'
 )

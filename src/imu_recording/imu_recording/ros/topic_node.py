@@ -18,7 +18,7 @@ from imu_recording.ros.losses import Losses, nothing_heard
 from imu_recording.ros.parameter_node import ParameterNode
 from imu_recording.ros.sample_bytes import form_of
 
-DIAGNOSTICS = '/diagnostics'
+DIAGNOSTICS_TOPIC = '/diagnostics'
 
 
 def latched_qos() -> QoSProfile:
@@ -168,11 +168,11 @@ class TopicNode(ParameterNode):
         Those of the process come before what is sent afterwards.
         """
         if self._capture or not self._exchange.offers(self.resolve_topic_name(sent)):
-            self.input(DiagnosticArray, DIAGNOSTICS, callback)
+            self.input(DiagnosticArray, DIAGNOSTICS_TOPIC, callback)
             return
-        self.inputs[DIAGNOSTICS] = callback
-        take = self._when_active(DIAGNOSTICS, callback)
-        topic = self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS))
+        self.inputs[DIAGNOSTICS_TOPIC] = callback
+        take = self._when_active(DIAGNOSTICS_TOPIC, callback)
+        topic = self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS_TOPIC))
         self._entities.append(topic.listen(take, serialised=False))
 
     def _loss_events(self, topic: str) -> SubscriptionEventCallbacks:

@@ -28,7 +28,7 @@ from imu_recording.tables.csv_table import ALL_ROWS, read_table
 from imu_recording.tables.mapping import (
     ISO_TIME,
     TIME_UNITS,
-    VECTORS,
+    VECTOR_FIELDS,
     CsvMapping,
     load_mapping,
     mapping_from,
@@ -37,9 +37,9 @@ from imu_recording.tables.row_range import RowRange
 
 HELD_PERIODS = 10.0
 """Periods of a file beside another for which its values are held."""
-EARLIEST_DATE = 10**17
+EARLIEST_DATE_NS = 10**17
 """Stamps below it count from power-on, not from 1970 [ns]."""
-LATEST_STAMP = 9.2e18
+LATEST_STAMP_NS = 9.2e18
 """Stamps are int64 nanoseconds."""
 
 
@@ -157,7 +157,7 @@ def _refuse_apart(path: Path, rows: IntArray, stamp: IntArray) -> None:
 
 def _moment(stamp: int) -> str:
     """Return a stamp [ns] as a date, or as seconds where it is near zero."""
-    if stamp < EARLIEST_DATE:
+    if stamp < EARLIEST_DATE_NS:
         return f'{stamp * 1e-9:.3f} s'
     return datetime.fromtimestamp(stamp * 1e-9, UTC).isoformat(timespec='seconds')
 
@@ -182,7 +182,7 @@ def _stamps(
     unit = 1e9 if told.time_unit == ISO_TIME else TIME_UNITS[told.time_unit]
     taken = time[kept]
     worst = float(np.abs(taken).max())
-    if worst * unit + abs(told.time_offset) * 1e9 > LATEST_STAMP:
+    if worst * unit + abs(told.time_offset) * 1e9 > LATEST_STAMP_NS:
         raise BagError(
             f'{path}, column {told.time_column!r}: {worst:g} {told.time_unit} is no time; '
             'is its unit right?'
@@ -196,7 +196,7 @@ def fields_of(told: CsvMapping, table: FloatArray) -> dict[str, FloatArray]:
     """Return (n, k) of each field in its unit; `table`: (n, 1 + columns), the time first."""
     fields: dict[str, FloatArray] = {}
     for place, column in enumerate(told.columns, start=1):
-        width = 3 if column.field in VECTORS else 1
+        width = 3 if column.field in VECTOR_FIELDS else 1
         values = fields.setdefault(column.field, np.empty((len(table), width)))
         values[:, column.axis] = table[:, place] * column.factor + column.offset
     return fields
@@ -233,7 +233,7 @@ def _recording(
         notes.append('no column for temperature: it is NaN')
     measured = found.pop('temperature_stamp', stamp)
     tracks: dict[str, Any] = {
-        k: v if k in VECTORS else np.ascontiguousarray(v[:, 0]) for k, v in found.items()
+        k: v if k in VECTOR_FIELDS else np.ascontiguousarray(v[:, 0]) for k, v in found.items()
     }
     held = note_held(measured, tracks['temperature'], notes)
     if held is not None or measured is not stamp:

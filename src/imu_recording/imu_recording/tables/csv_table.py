@@ -19,10 +19,10 @@ from imu_recording.tables.row_range import RowRange
 from imu_recording.user_error import did_you_mean
 
 ALL_ROWS = RowRange()
-MISSING = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
+MISSING_TEXTS = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
 """What a cell without a value may hold, in lower case."""
 Parsed = TypeVar('Parsed')
-_INFINITE = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
+_INFINITE_TEXTS = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
 
 
 def read_table(
@@ -156,9 +156,9 @@ def _expected(cell: str, mapping: CsvMapping, *, date: bool) -> str:
 
 def _value(cell: str, decimal: str) -> float | None:
     text = cell.strip().lower().replace(decimal, '.')
-    if text in MISSING:
+    if text in MISSING_TEXTS:
         return np.nan
-    if text in _INFINITE:
+    if text in _INFINITE_TEXTS:
         return float(text)
     try:
         return float(text)
@@ -173,7 +173,7 @@ def _names_zone(cell: str) -> bool:
 
 def _date(cell: str, zone: tzinfo) -> float | None:
     text = cell.strip()
-    if text.lower() in MISSING:
+    if text.lower() in MISSING_TEXTS:
         return np.nan
     try:
         moment = datetime.fromisoformat(text)

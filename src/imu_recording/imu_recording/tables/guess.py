@@ -17,23 +17,29 @@ import numpy as np
 
 from imu_recording.plausibility import rate_at_rest
 from imu_recording.recording import STANDARD_GRAVITY, BagError, FloatArray, ImuRecording
-from imu_recording.tables.csv_import import LATEST_STAMP, fields_of
+from imu_recording.tables.csv_import import LATEST_STAMP_NS, fields_of
 from imu_recording.tables.csv_table import in_its_encoding
-from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMapping, mapping_from
+from imu_recording.tables.mapping import (
+    TIME_UNITS,
+    UNIT_SPELLINGS,
+    UNITS,
+    CsvMapping,
+    mapping_from,
+)
 
-LINES_READ = 5000
+MOST_READ_LINES = 5000
 """Number of lines that are read."""
 DELIMITERS = ',;\t|'
-COMMENTS = '#%'
+COMMENT_SIGNS = '#%'
 """First characters of lines above a header."""
 DECIMAL_COMMA = re.compile(r'[-+]?\d+,\d+')
-VECTORS = {
+VECTOR_NAMES = {
     'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
     'angular_velocity': r'(ang(ular)?_?(vel(ocity)?|rate)|g(yr(o(scope)?)?)?|w|omega)',
     'magnetic_field': r'(m(ag(net(ic(_?field)?|ometer)?)?)?|i|compass)',
 }
 """Beginnings of the names of columns, before the axis."""
-SCALARS = {
+SCALAR_NAMES = {
     'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
     'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
     'chamber_temperature_2': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?_?2',
@@ -46,12 +52,12 @@ SCALARS = {
     'fan': r'fan(_?(duty|state|on))?',
     'supply_voltage': r'(v|vcc|vdd|supply|voltage)(_?voltage)?',
 }
-SHARE = {'1': 1.0, '%': np.inf}
-GREATEST = {
-    'humidity': SHARE,
-    'heater': SHARE,
-    'compressor': SHARE,
-    'fan': SHARE,
+LARGEST_SHARES = {'1': 1.0, '%': np.inf}
+LARGEST_VALUES = {
+    'humidity': LARGEST_SHARES,
+    'heater': LARGEST_SHARES,
+    'compressor': LARGEST_SHARES,
+    'fan': LARGEST_SHARES,
     'supply_voltage': {'V': 100.0, 'mV': np.inf},
     'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
 }
@@ -62,17 +68,17 @@ TIME_NAMES = (
     r'zeit(stempel)?|datum)(_?(s|sec|ms|us|ns))?'
 )
 NAME_PREFIX = r'(imu\d?|sensor|raw|data)?_?'
-NORMS = {
+NORMS_IN_UNITS = {
     'linear_acceleration': {'m/s²': STANDARD_GRAVITY, 'g': 1.0, 'mg': 1000.0},
     'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
 }
 """Norm that gravity and Earth's field have in each unit."""
 COUNTS_PER_G = (2048, 4096, 8192, 16384)
-FASTEST_K_PER_S = 0.5
+LARGEST_K_PER_S = 0.5
 """Fastest mean change of a temperature over a file that is plausible."""
-MOST_STEPS_BACK = 0.01
+LARGEST_STEPS_BACK_SHARE = 0.01
 """Largest share of a clock's steps that go back."""
-WARMEST_CELSIUS = 60.0
+WARMEST_C = 60.0
 """Temperature above which the user is asked: most boards are this warm in °F only."""
 ASSUMED_RATE_UNIT = 'angular_velocity: no unit in the header, taken as rad/s'
 DATES_S = (1e9, 4e9)
@@ -101,7 +107,7 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     columns: dict[str, Any] = {}
     unsure: list[str] = []
     values = dict(zip(header, table.T, strict=True))
-    for field_name, pattern in VECTORS.items():
+    for field_name, pattern in VECTOR_NAMES.items():
         found = _vector(names, pattern) or _vector_of_unit(field_name, names, units)
         if found:
             told = _vector_unit(field_name, [values[n] for n in found], units[found[0]], unsure)
@@ -111,7 +117,7 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     taken = {name for entry in columns.values() for name in entry['columns']}
     clock = _time_column(path, names, values)
     taken.add(clock)
-    for field_name, pattern in SCALARS.items():
+    for field_name, pattern in SCALAR_NAMES.items():
         free = (
             n for n in header if n not in taken and re.fullmatch(NAME_PREFIX + pattern, names[n])
         )
@@ -157,7 +163,7 @@ def _of_the_chamber(
             f'{path}: no column looks like a channel of a chamber ({", ".join(header)}); write a '
             'mapping (--mapping)'
         )
-    if VECTORS.keys() & columns.keys() or 'temperature' not in columns:
+    if VECTOR_NAMES.keys() & columns.keys() or 'temperature' not in columns:
         return
     name = columns['temperature']['column']
     if 'chamber_temperature' not in columns:
@@ -170,15 +176,17 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
     for name, plain in names.items():
         known = values[name][np.isfinite(values[name])]
         back = np.count_nonzero(np.diff(known) < 0.0)
-        if re.fullmatch(NAME_PREFIX + TIME_NAMES, plain) and back <= MOST_STEPS_BACK * len(known):
+        if re.fullmatch(
+            NAME_PREFIX + TIME_NAMES, plain
+        ) and back <= LARGEST_STEPS_BACK_SHARE * len(known):
             return name
     raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
 
 
 def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
     """Return delimiter and cells of the first lines that are not blank; no notes."""
-    text = ''.join(itertools.islice(stream, LINES_READ))
-    told = (line for line in text.splitlines() if line.strip() and line[0] not in COMMENTS)
+    text = ''.join(itertools.islice(stream, MOST_READ_LINES))
+    told = (line for line in text.splitlines() if line.strip() and line[0] not in COMMENT_SIGNS)
     delimiter = max(DELIMITERS, key=next(told, '').count)
     lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter, skipinitialspace=True)
     return (delimiter, [row for row in lines if any(row)]), []
@@ -187,7 +195,7 @@ def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
 def _table(path: Path) -> tuple[str, str, list[str], FloatArray, str]:
     """Return delimiter, decimal sign, header, (n, columns) of the first lines, comment sign."""
     (delimiter, rows), _ = in_its_encoding(path, _beginning)
-    comment = rows[0][0][:1] if rows and rows[0][0][:1] in tuple(COMMENTS) else ''
+    comment = rows[0][0][:1] if rows and rows[0][0][:1] in tuple(COMMENT_SIGNS) else ''
     rows = [row for row in rows if not (comment and row[0].startswith(comment))]
     if not rows:
         raise BagError(f'{path}: the file is empty')
@@ -261,7 +269,7 @@ def _unit_in(name: str) -> str:
 
 def _known_unit(word: str) -> bool:
     listed = {unit.lower() for known in UNITS.values() for unit in known}
-    return word.lower() in {*listed, *WRITTEN_AS, *TIME_UNITS}
+    return word.lower() in {*listed, *UNIT_SPELLINGS, *TIME_UNITS}
 
 
 def _vector(names: Mapping[str, str], pattern: str) -> list[str]:
@@ -306,7 +314,9 @@ def _vector_unit(
         if 0.7 < norm / nearest < 1.4:
             unsure.append(f'{name}: whole numbers, taken as counts of 1/{nearest} g')
             return {'scale': f'1/{nearest}', 'unit': 'g'}
-    unit, size = min(NORMS[name].items(), key=lambda u: abs(np.log(max(norm, 1e-12) / u[1])))
+    unit, size = min(
+        NORMS_IN_UNITS[name].items(), key=lambda u: abs(np.log(max(norm, 1e-12) / u[1]))
+    )
     if not 0.4 < norm / size < 2.5 or counts:
         unsure.append(f'{name}: its norm, {norm:.4g}, is that of no unit: scale and unit?')
     return {'unit': unit}
@@ -319,10 +329,10 @@ def _scalar_unit(
         return {'unit': told}
     known = values[np.isfinite(values)]
     middle = float(np.median(known)) if len(known) else np.nan
-    if name in GREATEST:
+    if name in LARGEST_VALUES:
         greatest = float(known.max()) if len(known) else np.nan
-        return {'unit': next(u for u, most in GREATEST[name].items() if not greatest > most)}
-    if WARMEST_CELSIUS < middle < 130.0:
+        return {'unit': next(u for u, most in LARGEST_VALUES[name].items() if not greatest > most)}
+    if WARMEST_C < middle < 130.0:
         unsure.append(f'{name}: {column} is about {middle:.3g}, taken as °C: or is it °F?')
     if -60.0 < middle < 130.0:
         return {'unit': '°C'}
@@ -337,7 +347,9 @@ def _is_of(name: str, unit: str) -> bool:
     written = {field_name for field_name, known in UNITS.items() if unit in known}
     if written:
         return name in written
-    return WRITTEN_AS.get(unit.lower(), unit).lower() in {known.lower() for known in UNITS[name]}
+    return UNIT_SPELLINGS.get(unit.lower(), unit).lower() in {
+        known.lower() for known in UNITS[name]
+    }
 
 
 def _check_rates(
@@ -350,7 +362,7 @@ def _check_rates(
     table = np.column_stack([values[name] for name in _names(told)])
     with np.errstate(over='ignore'):
         time: FloatArray = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
-    if not (np.abs(time) < LATEST_STAMP).all() or not (np.diff(time) > 0.0).all():
+    if not (np.abs(time) < LATEST_STAMP_NS).all() or not (np.diff(time) > 0.0).all():
         time = np.arange(len(table), dtype=np.float64) * (USUAL_PERIOD_S * 1e9)
     fields = fields_of(told, table)
     nothing = np.full((len(table), 3), np.nan)
@@ -405,5 +417,5 @@ def _possible_units(time: FloatArray, step: float, warmth: FloatArray | None) ->
     for unit in ('s', 'ms', 'us', 'ns'):
         seconds = TIME_UNITS[unit] * 1e-9
         length = float(time.max() - time.min()) * seconds
-        if 1e-4 <= step * seconds <= 60.0 and span <= FASTEST_K_PER_S * length:
+        if 1e-4 <= step * seconds <= 60.0 and span <= LARGEST_K_PER_S * length:
             yield unit

@@ -36,7 +36,7 @@ from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.recording import STANDARD_GRAVITY, UP_AXES, RecordingError
 from imu_recording.user_error import did_you_mean, fault_in_yaml
 
-_RATE = {
+_RATE_UNITS = {
     'rad/s': 1.0,
     'mrad/s': 1e-3,
     'deg/s': math.pi / 180,
@@ -44,14 +44,14 @@ _RATE = {
     'mdeg/s': math.pi / 180e3,
     'deg/h': math.pi / 180 / 3600,
 }
-_FORCE = {
+_FORCE_UNITS = {
     'm/s²': 1.0,
     'm/s^2': 1.0,
     'm/s2': 1.0,
     'g': STANDARD_GRAVITY,
     'mg': 1e-3 * STANDARD_GRAVITY,
 }
-_FIELD = {
+_FIELD_UNITS = {
     'T': 1.0,
     'mT': 1e-3,
     'µT': 1e-6,
@@ -61,20 +61,20 @@ _FIELD = {
     'gauss': 1e-4,
     'mG': 1e-7,
 }
-_SHARE = {'1': 1.0, '%': 0.01}
-_PRESSURE = {'Pa': 1.0, 'hPa': 100.0, 'mbar': 100.0, 'kPa': 1e3, 'bar': 1e5}
-_VARIANCE = {
+_SHARE_UNITS = {'1': 1.0, '%': 0.01}
+_PRESSURE_UNITS = {'Pa': 1.0, 'hPa': 100.0, 'mbar': 100.0, 'kPa': 1e3, 'bar': 1e5}
+_VARIANCE_UNITS = {
     '(m/s²)²': 1.0,
     'm²/s⁴': 1.0,
     'm^2/s^4': 1.0,
     'g²': STANDARD_GRAVITY**2,
     'g^2': STANDARD_GRAVITY**2,
 }
-_CELSIUS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
-_FAHRENHEIT = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
-_TEMPERATURE = _CELSIUS | _FAHRENHEIT
+_CELSIUS_UNITS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
+_FAHRENHEIT_UNITS = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
+_TEMPERATURE_UNITS = _CELSIUS_UNITS | _FAHRENHEIT_UNITS
 
-WRITTEN_AS = {
+UNIT_SPELLINGS = {
     'dps': '°/s',
     'deg/sec': '°/s',
     'degrees/s': '°/s',
@@ -111,21 +111,21 @@ ISO_TIME = 'iso8601'
 """Unit of a time column that holds dates such as 2014-01-02T12:00:00.5."""
 
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    'angular_velocity': {unit: (factor, 0.0) for unit, factor in _RATE.items()},
-    'linear_acceleration': {unit: (factor, 0.0) for unit, factor in _FORCE.items()},
-    'magnetic_field': {unit: (factor, 0.0) for unit, factor in _FIELD.items()},
-    'temperature': _TEMPERATURE,
-    'chamber_temperature': _TEMPERATURE,
-    'chamber_temperature_2': _TEMPERATURE,
-    'device_temperature': _TEMPERATURE,
-    'setpoint': _TEMPERATURE,
-    'humidity': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
-    'pressure': {unit: (factor, 0.0) for unit, factor in _PRESSURE.items()},
-    'heater': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
-    'compressor': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
-    'fan': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'angular_velocity': {unit: (factor, 0.0) for unit, factor in _RATE_UNITS.items()},
+    'linear_acceleration': {unit: (factor, 0.0) for unit, factor in _FORCE_UNITS.items()},
+    'magnetic_field': {unit: (factor, 0.0) for unit, factor in _FIELD_UNITS.items()},
+    'temperature': _TEMPERATURE_UNITS,
+    'chamber_temperature': _TEMPERATURE_UNITS,
+    'chamber_temperature_2': _TEMPERATURE_UNITS,
+    'device_temperature': _TEMPERATURE_UNITS,
+    'setpoint': _TEMPERATURE_UNITS,
+    'humidity': {unit: (factor, 0.0) for unit, factor in _SHARE_UNITS.items()},
+    'pressure': {unit: (factor, 0.0) for unit, factor in _PRESSURE_UNITS.items()},
+    'heater': {unit: (factor, 0.0) for unit, factor in _SHARE_UNITS.items()},
+    'compressor': {unit: (factor, 0.0) for unit, factor in _SHARE_UNITS.items()},
+    'fan': {unit: (factor, 0.0) for unit, factor in _SHARE_UNITS.items()},
     'supply_voltage': {'V': (1.0, 0.0), 'mV': (1e-3, 0.0)},
-    'vibration': {unit: (factor, 0.0) for unit, factor in _VARIANCE.items()},
+    'vibration': {unit: (factor, 0.0) for unit, factor in _VARIANCE_UNITS.items()},
 }
 """By field of ImuRecording and unit: (factor, offset) to that field's unit."""
 
@@ -134,12 +134,12 @@ UNIT_OF_FIELD = {
 }
 """Unit of each field of a recording: what all others are converted to."""
 
-VECTORS = (*MEASURED_FIELDS, 'vibration')
+VECTOR_FIELDS = (*MEASURED_FIELDS, 'vibration')
 """Fields that take three columns."""
 
 
-SCHEMA = 1
-TEXTS = ('device', 'run', 'profile', 'frame_id', 'up_axis')
+SCHEMA_VERSION = 1
+TEXT_KEYS = ('device', 'run', 'profile', 'frame_id', 'up_axis')
 
 
 class MappingError(RecordingError):
@@ -203,12 +203,14 @@ def mapping_from(content: Any, name: str = 'mapping', *, beside: bool = False) -
     """Check the content of a mapping; `beside` others, it needs no vector of a sensor."""
     if not isinstance(content, Mapping):
         raise MappingError(f'{name}: expected keys schema, time, columns')
-    known = {'schema', 'time', 'columns', 'delimiter', 'comment', 'decimal', 'header', *TEXTS}
+    known = {'schema', 'time', 'columns', 'delimiter', 'comment', 'decimal', 'header', *TEXT_KEYS}
     _refuse_unknown(content, known, name)
-    if content.get('schema') != SCHEMA:
-        raise MappingError(f'{name}: schema is {content.get("schema")!r}, expected {SCHEMA}')
+    if content.get('schema') != SCHEMA_VERSION:
+        raise MappingError(
+            f'{name}: schema is {content.get("schema")!r}, expected {SCHEMA_VERSION}'
+        )
     texts: dict[str, Any] = {
-        key: str(content[key]) for key in TEXTS if content.get(key) is not None
+        key: str(content[key]) for key in TEXT_KEYS if content.get(key) is not None
     }
     if texts.get('up_axis', '+z') not in UP_AXES:
         raise MappingError(
@@ -290,12 +292,12 @@ def _columns(told: Any, name: str, *, beside: bool) -> tuple[CsvColumn, ...]:
 
 
 def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
-    key = 'columns' if field in VECTORS else 'column'
+    key = 'columns' if field in VECTOR_FIELDS else 'column'
     if not isinstance(told, Mapping) or key not in told:
         raise MappingError(f'{place}: expected the key {key}')
     _refuse_unknown(told, {key, 'scale', 'offset', 'unit'}, place)
-    count = 3 if field in VECTORS else 1
-    names = told[key] if field in VECTORS else [told[key]]
+    count = 3 if field in VECTOR_FIELDS else 1
+    names = told[key] if field in VECTOR_FIELDS else [told[key]]
     if not isinstance(names, list) or len(names) != count:
         raise MappingError(f'{place}: {key} is {told[key]!r}, expected {count} columns')
     unit = _unit(told.get('unit'), UNITS[field], place)
@@ -320,7 +322,7 @@ def _unit(told: Any, known: Mapping[str, tuple[float, float]], place: str) -> st
         return next(iter(known))
     name = str(told).strip()
     alike = [unit for unit in known if unit.lower() == name.lower()]
-    candidates = [name, WRITTEN_AS.get(name.lower(), ''), *(alike if len(alike) == 1 else [])]
+    candidates = [name, UNIT_SPELLINGS.get(name.lower(), ''), *(alike if len(alike) == 1 else [])]
     for candidate in candidates:
         if candidate in known:
             return candidate

@@ -62,11 +62,11 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_accept_argument(parser: argparse.ArgumentParser) -> None:
     """Add --accept, which takes what the checks of plausibility refuse."""
-    from imu_recording.plausibility import ACCEPTABLE
+    from imu_recording.plausibility import ACCEPTABLE_DEFECTS
 
     parser.add_argument(
         '--accept',
-        choices=ACCEPTABLE,
+        choices=ACCEPTABLE_DEFECTS,
         action='append',
         default=[],
         help='take implausible numbers, or data compensated before, as they are; repeatable',

@@ -20,7 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import yaml
-from imu_recording.bags.files import METADATA, SUFFIXES
+from imu_recording.bags.files import BAG_SUFFIXES, METADATA_FILE
 from imu_recording.user_error import UserError
 
 from imu_workbench.case import CASE_FILE, Case, CaseError, parse_case
@@ -259,10 +259,10 @@ def _search_in(files: Any, root: str) -> _SearchResult:
     listed = {path: info for path, info in listed.items() if info['type'] != 'directory'}
     stored: dict[str, list[str]] = defaultdict(list)
     for path in listed:
-        if path.removesuffix('.zstd').endswith(SUFFIXES):
+        if path.removesuffix('.zstd').endswith(BAG_SUFFIXES):
             stored[path if path in single else path.rpartition('/')[0]].append(path)
     names = _device_names(
-        files, [f'{b}/{METADATA}' for b in stored if f'{b}/{METADATA}' in listed]
+        files, [f'{b}/{METADATA_FILE}' for b in stored if f'{b}/{METADATA_FILE}' in listed]
     )
     url = partial(_url_of, files)
     bags = tuple(
@@ -316,7 +316,7 @@ def _device_names(files: Any, metadata: Sequence[str]) -> dict[str, str]:
         except (yaml.YAMLError, ValueError):  # a date that is none is a ValueError
             continue
         if isinstance(custom, dict):
-            names[path.removesuffix(f'/{METADATA}')] = str(custom.get('device') or '')
+            names[path.removesuffix(f'/{METADATA_FILE}')] = str(custom.get('device') or '')
     return names
 
 

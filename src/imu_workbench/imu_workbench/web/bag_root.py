@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from imu_recording.bags.files import SUFFIXES
+from imu_recording.bags.files import BAG_SUFFIXES
 from imu_recording.user_error import UserError
 
 MAX_SEARCH_DEPTH = 4
@@ -77,5 +77,5 @@ class BagRoot:
                 continue
             if entry.is_dir() and depth:
                 self._search(entry, depth - 1, found)
-            elif entry.suffix in SUFFIXES:
+            elif entry.suffix in BAG_SUFFIXES:
                 found.append(entry)

@@ -21,7 +21,7 @@ from orientation_filters.ahrs.covariance import (
     widen,
     with_independent_bias,
 )
-from orientation_filters.ahrs.state import MICROTESLA, AdaptiveKalmanState, Params, State
+from orientation_filters.ahrs.state import MICROTESLA_PER_TESLA, AdaptiveKalmanState, Params, State
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
 from orientation_filters.rotation.scalars import (
@@ -168,7 +168,7 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
     before = state.adaptive
     disturbance, dip = state.magnetic_disturbance, state.dip
     if before.averages.integrals.fields > 0:
-        disturbance = scale(MICROTESLA, to_sensor(rows, means.field.disturbance))
+        disturbance = scale(MICROTESLA_PER_TESLA, to_sensor(rows, means.field.disturbance))
         dip = _dip_of(means.field.reference, dip)
     covariance = errors.covariance
     if not params.learn_bias:
@@ -211,5 +211,5 @@ def _dip_of(reference: FieldState, before: tuple[float, float]) -> tuple[float, 
 def adaptive_flags(state: State, params: Params, seen: CheckedSample) -> int:
     """Return AT_REST, BIAS_LIMITED, DISTURBED, JAMMED as they stand after a sample."""
     d = state.magnetic_disturbance
-    strength = sqrt(dot(d, d)) / MICROTESLA
+    strength = sqrt(dot(d, d)) / MICROTESLA_PER_TESLA
     return averaging_flags(state.adaptive.averages, params.averaging, strength, seen.has_field)

@@ -20,7 +20,7 @@ from orientation_filters.ahrs.state import (
     ADAPTIVE_STATE,
     FIXED_STATE,
     INITIAL_VARIANCES,
-    MICROTESLA,
+    MICROTESLA_PER_TESLA,
     Params,
     State,
     initial_state,
@@ -193,5 +193,7 @@ def _run(state: State, params: Params, samples: SampleColumns, result: ResultCol
         if len(result.inclination):
             for k in range(3):
                 result.linear_acceleration[i, k] = state.linear_acceleration[k]
-                result.magnetic_disturbance[i, k] = state.magnetic_disturbance[k] / MICROTESLA
+                result.magnetic_disturbance[i, k] = (
+                    state.magnetic_disturbance[k] / MICROTESLA_PER_TESLA
+                )
             result.inclination[i] = np.arctan2(state.dip[1], state.dip[0])

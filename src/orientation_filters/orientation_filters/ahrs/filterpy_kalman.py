@@ -24,7 +24,7 @@ from orientation_filters.ahrs.adaptive import (
 )
 from orientation_filters.ahrs.covariance import Errors, JointCovariance
 from orientation_filters.ahrs.state import (
-    MICROTESLA,
+    MICROTESLA_PER_TESLA,
     Params,
     State,
     Variances,
@@ -94,7 +94,7 @@ def _kalman_step(
     innovation = np.concatenate(
         [
             -np.array(seen.linear_acceleration) + acceleration - gravity,
-            MICROTESLA * np.array(seen.magnetic_field) - expected,
+            MICROTESLA_PER_TESLA * np.array(seen.magnetic_field) - expected,
         ]
     )
     x, p = _kalman_update(
@@ -286,7 +286,7 @@ def _write_details(result: OrientationResult, i: int, state: State) -> None:
     """Fill row i of the columns that were asked for."""
     for column, value in (
         (result.linear_acceleration, state.linear_acceleration),
-        (result.magnetic_disturbance, np.array(state.magnetic_disturbance) / MICROTESLA),
+        (result.magnetic_disturbance, np.array(state.magnetic_disturbance) / MICROTESLA_PER_TESLA),
         (result.inclination, atan2(state.dip[1], state.dip[0])),
     ):
         if column is not None:

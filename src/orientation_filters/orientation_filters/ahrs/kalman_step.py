@@ -18,7 +18,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from orientation_filters.ahrs.state import MICROTESLA, Noise, Params, State, Variances
+from orientation_filters.ahrs.state import MICROTESLA_PER_TESLA, Noise, Params, State, Variances
 from orientation_filters.kernel import inline
 from orientation_filters.result import JAMMED
 from orientation_filters.rotation.scalars import (
@@ -180,7 +180,7 @@ def _innovation(
     if seen.has_force:
         z_gravity = subtract(subtract(acceleration, seen.linear_acceleration), gravity)
     if seen.has_field:
-        z_field = subtract(scale(MICROTESLA, seen.magnetic_field), field)
+        z_field = subtract(scale(MICROTESLA_PER_TESLA, seen.magnetic_field), field)
     return Innovation(
         gravity=gravity,
         field=field,

@@ -15,7 +15,7 @@ from orientation_filters.step_averages.accumulation import (
     no_averages,
 )
 
-MICROTESLA = 1e6
+MICROTESLA_PER_TESLA = 1e6
 """µT per T: the documented noises are in µT²."""
 
 

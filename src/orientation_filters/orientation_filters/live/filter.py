@@ -35,7 +35,7 @@ from orientation_filters.rotation.arrays import IDENTITY, rotate, to_matrix
 from orientation_filters.rotation.scalars import euler_zyx
 from orientation_filters.sample_checks import GRAVITY, NO_FIELD, Sample
 
-RATE_SAMPLES = 20
+LEAST_RATE_INTERVALS = 20
 """Intervals from which the sample rate is known well enough to check the cut-off."""
 RECENT_SAMPLES = 500
 """Samples over which rate, jitter and disturbed fraction are taken."""
@@ -157,7 +157,7 @@ class SampleStatistics:
     @property
     def knows_rate(self) -> bool:
         """Whether there are intervals enough to compare the sample rate with a cut-off."""
-        return len(self._intervals) >= RATE_SAMPLES
+        return len(self._intervals) >= LEAST_RATE_INTERVALS
 
     @property
     def rate_hz(self) -> float:

@@ -14,9 +14,9 @@ from imu_recording.ros.messages import ImuSample, MagneticSample
 
 Pair = tuple[ImuSample, MagneticSample | None]
 
-FIRST_FIELD_WAIT = 100_000_000
+FIRST_FIELD_WAIT_NS = 100_000_000
 """How long the first IMU samples wait for a first magnetometer sample [ns]."""
-KEPT_FIELDS = 1000
+MOST_KEPT_FIELDS = 1000
 """Magnetometer samples kept for IMU samples still to come."""
 
 
@@ -34,7 +34,7 @@ class MagnetometerPairing:
         self._wait = wait
         self._in_order = in_order
         self._pending: deque[ImuSample] = deque()
-        self._fields: deque[MagneticSample] = deque(maxlen=KEPT_FIELDS)
+        self._fields: deque[MagneticSample] = deque(maxlen=MOST_KEPT_FIELDS)
         self._first_stamp: int | None = None
         self._released: int | None = None
         self._last_field: int | None = None
@@ -55,14 +55,14 @@ class MagnetometerPairing:
 
     def add_field(self, sample: MagneticSample) -> list[Pair]:
         """Take a magnetometer sample; return the pairs that are complete now."""
-        if self._last_field is not None and sample.stamp <= self._last_field - FIRST_FIELD_WAIT:
+        if self._last_field is not None and sample.stamp <= self._last_field - FIRST_FIELD_WAIT_NS:
             self._fields.clear()
             self._interval = 0
         elif self._last_field is not None and sample.stamp > self._last_field:
             self._interval = sample.stamp - self._last_field
         if (
             self._released is not None
-            and self._released - FIRST_FIELD_WAIT < sample.stamp <= self._released
+            and self._released - FIRST_FIELD_WAIT_NS < sample.stamp <= self._released
         ):
             self.unused += 1
         else:
@@ -76,11 +76,11 @@ class MagnetometerPairing:
 
     def _restart(self, sample: ImuSample, newest: int) -> list[Pair]:
         """Pass on a sample that is not later than the last; a jump back resets the queues."""
-        if sample.stamp > newest - FIRST_FIELD_WAIT:
+        if sample.stamp > newest - FIRST_FIELD_WAIT_NS:
             return [*self.flush(), (sample, None)]
         pairs = self.flush()
         early = [field for field in self._fields if field.stamp <= sample.stamp]
-        self._fields = deque(early, maxlen=KEPT_FIELDS)
+        self._fields = deque(early, maxlen=MOST_KEPT_FIELDS)
         self._first_stamp, self._released = sample.stamp, None
         if not early:
             self._last_field = None
@@ -121,11 +121,13 @@ class MagnetometerPairing:
         age = self._pending[-1].stamp - head.stamp
         if self._last_field is None:
             first = head.stamp if self._first_stamp is None else self._first_stamp
-            return self._pending[-1].stamp - first < FIRST_FIELD_WAIT
+            return self._pending[-1].stamp - first < FIRST_FIELD_WAIT_NS
         if self._in_order or not self._synchronous or age >= self._wait:
             return False
         if self._last_field > head.stamp:
             return False
         since = head.stamp - self._last_field
         period = since if self._released is None else head.stamp - self._released
-        return 2 * (self._interval - since) <= period and since < self._interval + FIRST_FIELD_WAIT
+        return (
+            2 * (self._interval - since) <= period and since < self._interval + FIRST_FIELD_WAIT_NS
+        )

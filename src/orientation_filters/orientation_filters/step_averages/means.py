@@ -17,7 +17,7 @@ from orientation_filters.magnetic_reference import (
     no_reference,
     update_reference,
 )
-from orientation_filters.rest_detection import DETECTABLE_TURN, is_bias
+from orientation_filters.rest_detection import DETECTABLE_TURN_RAD, is_bias
 from orientation_filters.result import AT_REST, SIX_AXIS
 from orientation_filters.rotation.scalars import (
     ZERO,
@@ -62,7 +62,7 @@ ADOPTED_HEADING_SIGMA = 0.1
 """Standard deviation of the heading from a newly adopted field [rad]."""
 UNSETTLED_TILT_SIGMA = 0.035
 """Standard deviation of the inclination above which a reference is not relied on [rad]."""
-RELEARNED_FIELD_S = 10.0
+SHORT_REFERENCE_S = 10.0
 """A reference known for less is learned anew where the tilt was found wrong [s]."""
 LEAST_GAIN = 0.01
 """Least gain of a heading whose variance is no larger than what the tilt explains."""
@@ -144,7 +144,7 @@ def take_means(
     is_unsettled = (
         force.added_tilt_variance > 0.0 or tilt > UNSETTLED_TILT_SIGMA * UNSETTLED_TILT_SIGMA
     )
-    is_new = is_unsettled and state.reference.agreed_for < RELEARNED_FIELD_S
+    is_new = is_unsettled and state.reference.agreed_for < SHORT_REFERENCE_S
     reference = no_reference() if is_new else state.reference
     field = _mean_field(state, params, orientation, reference)
     return Means(
@@ -370,7 +370,7 @@ def _bias_at_rest(
     learns = params.learn_bias and is_bias(rest, params.rest)
     if not learns or rest_flags(rest, params) != AT_REST:
         return RestBias(directions=rows, error=ZERO, variance=(-1.0, -1.0, -1.0))
-    undetected = 0.25 * DETECTABLE_TURN / rest.duration
+    undetected = 0.25 * DETECTABLE_TURN_RAD / rest.duration
     noise = params.rest_noise * params.rest_noise / state.integrals.elapsed
     variance = noise + undetected * undetected
     vertical = variance

@@ -11,8 +11,8 @@ from imu_recording.bags.decoding.cdr import Bytes
 from imu_recording.jit import njit
 from imu_recording.recording import IntArray
 
-MINUS_ONE = np.array([-1.0]).view(np.int64)[0]
-NOT_A_NUMBER = np.array([np.nan]).view(np.int64)[0]
+MINUS_ONE_WORD = np.array([-1.0]).view(np.int64)[0]
+NAN_WORD = np.array([np.nan]).view(np.int64)[0]
 
 
 @njit(cache=True)
@@ -71,9 +71,9 @@ def header_stamp(buffer: Bytes, at: int) -> Any:
 @njit(cache=True, nogil=True)
 def copy_group(buffer: Bytes, at: int, first: int, mark: int, out: IntArray, row: int) -> int:
     """Copy the doubles of one group to a row; return 1 where it is marked as not reported."""
-    if mark >= 0 and little64(buffer, at + 8 * mark) == MINUS_ONE:
+    if mark >= 0 and little64(buffer, at + 8 * mark) == MINUS_ONE_WORD:
         for j in range(out.shape[1]):
-            out[row, j] = NOT_A_NUMBER
+            out[row, j] = NAN_WORD
         return 1
     for j in range(out.shape[1]):
         out[row, j] = little64(buffer, at + 8 * (first + j))

@@ -17,7 +17,7 @@ from imu_recording.recording import SECOND_NS
 
 Values = tuple[tuple[float, ...], ...]
 
-_VALUES: dict[str, Any] = {
+_VALUES_OF_TYPE: dict[str, Any] = {
     'sensor_msgs/msg/Imu': lambda m: (
         _vector(m.angular_velocity, m.angular_velocity_covariance),
         _vector(m.linear_acceleration, m.linear_acceleration_covariance),
@@ -34,7 +34,7 @@ _VALUES: dict[str, Any] = {
 }
 
 
-_OTHER_DEFINITION = (IndexError, AttributeError, TypeError, ValueError, KeyError)
+_DEFINITION_ERRORS = (IndexError, AttributeError, TypeError, ValueError, KeyError)
 """Errors of decoding a message of another definition under the same name."""
 
 
@@ -47,7 +47,7 @@ def decode_message(
     try:
         message: Any = types.deserialize_cdr(raw, message_type)
         return values_of(message, message_type)
-    except (SerdeError, TypesysError, struct.error, *_OTHER_DEFINITION) as error:
+    except (SerdeError, TypesysError, struct.error, *_DEFINITION_ERRORS) as error:
         raise DecodeError(str(error)) from None
 
 
@@ -55,7 +55,7 @@ def values_of(message: Any, message_type: str) -> tuple[int | None, Values, str]
     """Return stamp, column groups and frame_id of a rosbags message object."""
     if message_type == STRING:
         return None, (), str(message.data)
-    values: Values = _VALUES[message_type](message)
+    values: Values = _VALUES_OF_TYPE[message_type](message)
     if not LAYOUTS[message_type].stamped:
         return None, values, ''
     stamp = message.header.stamp

@@ -13,12 +13,12 @@ from typing import BinaryIO
 
 from imu_recording.bags.mcap.writer import DATA_END, FOOTER, MAGIC
 
-LARGEST_SUMMARY = 256 << 20
+LARGEST_SUMMARY_BYTES = 256 << 20
 """A summary that claims to be larger is damage [bytes]."""
 BLOCK_BYTES = 1 << 22
 _FOOTER = struct.Struct('<BQQQI8s')
-_FOOTER_LENGTH = 20
-_CHECKED_OF_FOOTER = 25
+_FOOTER_BYTES = 20
+_CHECKED_FOOTER_BYTES = 25
 """Bytes of the footer that the checksum of the summary covers."""
 _DATA_END = struct.Struct('<BQI')
 
@@ -50,15 +50,15 @@ def read_footer(stream: BinaryIO) -> McapFooter | None:
     stream.seek(place)
     content = stream.read(_FOOTER.size)
     opcode, length, start, _, checksum, magic = _FOOTER.unpack(content)
-    if opcode != FOOTER or length != _FOOTER_LENGTH or magic != MAGIC or start > place:
+    if opcode != FOOTER or length != _FOOTER_BYTES or magic != MAGIC or start > place:
         return None
-    if start and not len(MAGIC) + _DATA_END.size <= start >= place - LARGEST_SUMMARY:
+    if start and not len(MAGIC) + _DATA_END.size <= start >= place - LARGEST_SUMMARY_BYTES:
         return None
     return McapFooter(
         place=place,
         summary_start=start,
         summary_checksum=checksum,
-        head=content[:_CHECKED_OF_FOOTER],
+        head=content[:_CHECKED_FOOTER_BYTES],
     )
 
 

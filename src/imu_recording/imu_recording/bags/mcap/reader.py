@@ -45,11 +45,11 @@ RECORD_CUT = 2
 RECORD_FULL = 3
 """The output arrays are full."""
 
-ENDS_OF_LOOSE = (0, CHUNK, ATTACHMENT, DATA_END)
+LOOSE_MESSAGES_END = (0, CHUNK, ATTACHMENT, DATA_END)
 """Records that end a row of messages outside chunks."""
 BLOCK_BYTES = 1 << 22
 """Messages that stand outside chunks are read in blocks of this many bytes."""
-LARGEST_CHUNK = 1 << 32
+LARGEST_CHUNK_BYTES = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
 
@@ -85,7 +85,7 @@ class McapScan:
             if opcode == DATA_END:
                 self.complete = stream.read().endswith(MAGIC)
                 break
-            if size > LARGEST_CHUNK and opcode != MESSAGE:
+            if size > LARGEST_CHUNK_BYTES and opcode != MESSAGE:
                 break
             if opcode == MESSAGE:
                 end = self._loose(stream, head, place)
@@ -188,7 +188,7 @@ class McapScan:
                 self._arrays = empty_block(2 * len(offset))
             elif reason == RECORD_OTHER:
                 size = int.from_bytes(buffer[at + 1 : at + 9].tobytes(), 'little')
-                if size > end - at - 9 or buffer[at] in ENDS_OF_LOOSE:
+                if size > end - at - 9 or buffer[at] in LOOSE_MESSAGES_END:
                     break
                 if buffer[at] in (SCHEMA, CHANNEL):
                     self.declare(int(buffer[at]), buffer[at + 9 : at + 9 + size].tobytes())
@@ -214,7 +214,7 @@ class McapScan:
             if opcode == DATA_END:
                 self.complete = (bytes(rest) + stream.read()).endswith(MAGIC)
                 return -1
-            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST_CHUNK
+            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST_CHUNK_BYTES
             if not block or (not opcode) or too_long:
                 self.problems.append(f'loose messages from byte {start} end at byte {place}')
                 return -1

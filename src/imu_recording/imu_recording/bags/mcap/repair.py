@@ -23,7 +23,7 @@ from imu_recording.bags.mcap.writer import (
     CHUNK_HEAD,
     DATA_END,
     MAGIC,
-    MESSAGE_HEAD,
+    MESSAGE_HEAD_BYTES,
     MESSAGE_INDEX,
     METADATA,
     McapStream,
@@ -174,7 +174,7 @@ class _Continuation:
     def _deliver(self, block: MessageBlock) -> None:
         some = slice(block.count)
         data = [block.bytes_of(i) for i in range(block.count)] if self._keep_bytes else []
-        place = block.offset[some] - MESSAGE_HEAD
+        place = block.offset[some] - MESSAGE_HEAD_BYTES
         self._blocks.append((block.slot[some].copy(), block.received[some].copy(), place, data))
 
 

@@ -21,9 +21,9 @@ STATISTICS, METADATA = 0x0B, 0x0C
 METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
 
 LIBRARY = 'imu_recording'
-LATEST_STAMP = 2**63 - 1
+LATEST_STAMP_NS = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')
-MESSAGE_HEAD = _MESSAGE.size
+MESSAGE_HEAD_BYTES = _MESSAGE.size
 """Bytes of a message record before the serialised message."""
 CHUNK_HEAD = struct.Struct('<QQQII')
 """First and last time of receipt, size and checksum of the records, length of the compression."""
@@ -34,7 +34,7 @@ class _OpenChunk:
     """Messages not yet flushed."""
 
     records: bytearray = field(default_factory=bytearray)
-    first: int = LATEST_STAMP
+    first: int = LATEST_STAMP_NS
     last: int = 0
     index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
 
@@ -94,7 +94,7 @@ class McapStream:
         self._sequence: list[int] = []
         self._chunk_index: list[bytes] = []
         self._metadata_index: list[bytes] = []
-        self._first, self._last = LATEST_STAMP, 0
+        self._first, self._last = LATEST_STAMP_NS, 0
 
     @property
     def pending(self) -> int:
@@ -109,7 +109,7 @@ class McapStream:
     @property
     def span(self) -> tuple[int, int]:
         """First and last time of receipt [ns]; (0, 0) before the first message."""
-        return (self._first, self._last) if self._last or self._first < LATEST_STAMP else (0, 0)
+        return (self._first, self._last) if self._last or self._first < LATEST_STAMP_NS else (0, 0)
 
     def begin(self) -> bytes:
         """Return the start of the file."""
