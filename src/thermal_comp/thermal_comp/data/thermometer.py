@@ -16,9 +16,9 @@ import numpy as np
 from imu_recording.logging_contract import THERMOMETER_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording
 from imu_recording.thermometer import (
-    LONGEST_CONSTANT_S,
     FEWEST_MEASUREMENTS,
     LEAST_MISSING_ROWS,
+    LONGEST_CONSTANT_S,
     is_constant,
     is_whole_degrees,
 )
@@ -106,7 +106,9 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
-        if recording.time[-1] >= LONGEST_CONSTANT_S or _would_move(_possible_dies(recording), every):
+        if recording.time[-1] >= LONGEST_CONSTANT_S or _would_move(
+            _possible_dies(recording), every
+        ):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, text)
         return
