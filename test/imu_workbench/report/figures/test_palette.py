@@ -5,9 +5,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from imu_workbench.report.figures.modelled import FAILURE_SCALE, TEXT_COLOURS
+from imu_workbench.report.figures.modelled import FAILURE_COLOUR_SCALE, TEXT_COLOURS
 from imu_workbench.report.figures.palette import COLOURS
-from imu_workbench.web.case.figures.scatter import BRANCHES
+from imu_workbench.web.case.figures.scatter import BRANCH_COLOURS
 
 OVER_EACH_OTHER = [
     *(('raw_soft', curve) for curve in ('model', 'x', 'y', 'z', 'candidate')),
@@ -64,7 +64,9 @@ def test_a_deuteranope_takes_a_grey_for_a_green_that_others_tell_apart() -> None
 @pytest.mark.parametrize('theme', COLOURS)
 def test_no_two_meanings_of_one_figure_share_a_colour(theme) -> None:
     meanings = ['x', 'y', 'z', 'temperature', 'candidate', 'raw', 'raw_soft', 'model']
-    meanings += [colour.removeprefix('@') for colour in BRANCHES.values() if colour != '@raw']
+    meanings += [
+        colour.removeprefix('@') for colour in BRANCH_COLOURS.values() if colour != '@raw'
+    ]
     meanings += [f'd{i}' for i in range(6)]
     assert len({COLOURS[theme][name] for name in meanings}) == len(meanings)
 
@@ -84,7 +86,9 @@ def contrast(one: np.ndarray, other: np.ndarray) -> float:
 
 @pytest.mark.parametrize('theme', COLOURS)
 def test_numbers_in_a_map_contrast_with_their_cells(theme) -> None:
-    stops = [(place, COLOURS[theme][name[1:]]) for place, name in FAILURE_SCALE['colorscale']]
+    stops = [
+        (place, COLOURS[theme][name[1:]]) for place, name in FAILURE_COLOUR_SCALE['colorscale']
+    ]
     levels = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for _, c in stops])
     for value in np.linspace(0.0, 1.0, 101):
         at = [np.interp(value, [place for place, _ in stops], levels[:, k]) for k in range(3)]

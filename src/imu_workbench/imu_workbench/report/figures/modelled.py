@@ -15,11 +15,11 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 from imu_workbench.report.figures.error_steps import logarithmic_axis
 from imu_workbench.report.figures.measured import PHASE_NAMES, curve
 from imu_workbench.report.figures.palette import AXES, device_colour
-from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
+from imu_workbench.report.figures.panels import TOOLBAR_PX, Figure, Panel, figure, trace_axes
 
 LARGEST_SHOWN_RATIO = 10.0
-"""Times the noise floor from which a heat map does not get darker."""
-FAILURE_SCALE: dict[str, Any] = {
+"""Ratio to the noise floor from which the colour of a heat map changes no more."""
+FAILURE_COLOUR_SCALE: dict[str, Any] = {
     'cmin': 0.0,
     'cmax': math.log10(LARGEST_SHOWN_RATIO),
     'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
@@ -32,7 +32,7 @@ FAILURE_SCALE: dict[str, Any] = {
 }  # fmt: skip
 """The logarithm of residual over noise floor as a colour."""
 TEXT_COLOURS = ((0.5, '@on_calm'), (0.78, '@on_raised'), (math.inf, '@on_loud'))
-"""Logarithm up to which a number in a cell is written in a colour, for contrast."""
+"""Logarithm of the ratio up to which a cell's number has a colour that contrasts with the cell."""
 PART_COLOURS = {'cold dwell': '@cold', 'hot dwell': '@hot', 'other': '@raw_soft'}
 
 
@@ -163,8 +163,8 @@ def allan_deviation_figure(curves: Mapping[str, Mapping[str, Any]]) -> Figure:
 def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
     """Return heat maps of residual by noise floor, by phase and cycle, each below its title.
 
-    The noise floor looks calm, ten times it does not; the colours are the same in every figure,
-    so that maps can be compared by looking. A phone has no room for the scale beside them.
+    The colour of a cell goes from `calm` at the noise floor to `loud` at LARGEST_SHOWN_RATIO times
+    it, in every figure alike, so that maps can be compared. On a phone the colour bar is left out.
     """
     traces = [failure_trace(where, i) for i, where in enumerate(maps.values())]
     panels = [failure_panel(title) for title in maps]
@@ -173,7 +173,7 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
     rows = len(next(iter(maps.values()))['phases'])
     spec = figure(
         [*traces, *(cell_numbers(trace, trace['text']) for trace in traces)], panels,
-        columns=len(maps), height=60 + 36 * rows, linked=False, coloraxis=FAILURE_SCALE,
+        columns=len(maps), height=60 + 36 * rows, linked=False, coloraxis=FAILURE_COLOUR_SCALE,
     )  # fmt: skip
     spec['narrow']['coloraxis'] = {'showscale': False}
     for i in range(len(maps)):
@@ -181,7 +181,8 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
         spec['narrow'][place['xaxis'].replace('x', 'xaxis')] |= {'tickangle': 0}
         spec['narrow'][place['yaxis'].replace('y', 'yaxis')] |= {'showticklabels': True}
     if not any(maps):
-        spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 12
+        spec['layout']['margin']['t'] = TOOLBAR_PX
+        spec['narrow']['margin']['t'] = 12  # a phone shows no toolbar
     return spec
 
 
@@ -210,7 +211,7 @@ def failure_panel(title: str) -> Panel:
 
 
 def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
-    """Return a heat map in the index-th panel, coloured by FAILURE_SCALE."""
+    """Return a heat map in the index-th panel, coloured by FAILURE_COLOUR_SCALE."""
     colours = [
         [None if v is None else math.log10(min(max(v, 1.0), LARGEST_SHOWN_RATIO)) for v in row]
         for row in where['ratio']

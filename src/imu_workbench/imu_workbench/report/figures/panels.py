@@ -12,6 +12,8 @@ Figure = dict[str, Any]
 
 TOP, BOTTOM = 52, 50
 """Margins above (legend, title) and below (ticks, axis title) the panels [px]."""
+TOOLBAR_PX = 32
+"""Height of plotly's toolbar in the upper right corner [px]."""
 COLUMN_GAP = 0.075
 """Share of the width between two columns."""
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from imu_workbench.report.figures.modelled import FAILURE_SCALE
+from imu_workbench.report.figures.modelled import FAILURE_COLOUR_SCALE
 from imu_workbench.web.case.figures.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.view import View
 
@@ -20,4 +20,7 @@ def test_the_line_fails_in_the_ramps_and_the_lag_does_not(fitted):
 def test_the_map_has_the_colours_of_the_report(fitted):
     for version in (fitted.line, fitted.lag):
         axis = failure_figure(failure_map(version, VIEW), VIEW)['layout']['coloraxis']
-        assert (axis['cmin'], axis['cmax']) == (FAILURE_SCALE['cmin'], FAILURE_SCALE['cmax'])
+        assert (axis['cmin'], axis['cmax']) == (
+            FAILURE_COLOUR_SCALE['cmin'],
+            FAILURE_COLOUR_SCALE['cmax'],
+        )

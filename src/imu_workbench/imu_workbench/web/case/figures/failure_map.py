@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray
 
-from imu_workbench.report.figures.modelled import FAILURE_SCALE, cell_numbers
+from imu_workbench.report.figures.modelled import FAILURE_COLOUR_SCALE, cell_numbers
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.figures.run_blocks import RunBlocks
 from imu_workbench.web.case.version import Version
@@ -121,14 +121,16 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
     )  # fmt: skip
     height = max(150, 39 * len(found.rows))
     spec = figure(
-        data, [panel], height=height, shapes=_frame(found, view), coloraxis=FAILURE_SCALE
+        data, [panel], height=height, shapes=_frame(found, view), coloraxis=FAILURE_COLOUR_SCALE
     )
     marks = _run_marks(found)
     for part in (spec['layout'], spec['narrow']):
         part['annotations'] = marks
         part['margin'] = part['margin'] | {'t': 26, 'l': 10, 'r': 6}
     spec['layout']['height'] -= 26
-    spec['narrow']['coloraxis'] = {'colorbar': FAILURE_SCALE['colorbar'] | HORIZONTAL_COLOUR_BAR}
+    spec['narrow']['coloraxis'] = {
+        'colorbar': FAILURE_COLOUR_SCALE['colorbar'] | HORIZONTAL_COLOUR_BAR
+    }
     spec['narrow']['height'] += 34
     spec['narrow']['margin']['b'] += 34
     spec['narrow']['xaxis'] |= {'ticktext': [''] * len(found.columns)}
