@@ -17,9 +17,9 @@ from imu_recording import read_bag
 from imu_workbench.answer import Answer, show_progress, write_json
 from imu_workbench.commands.options import add_effects_argument
 from imu_workbench.report.content import command_line, versions
+from imu_workbench.tables.paper import PAPER_PROFILE
 
 HELP = 'Simulate a device, add the bundled bags, find a hidden effect; write DIR/report.html.'
-PROFILE = 'paper_betta2022'
 RUN = 'dut1_x_50hz'
 
 
@@ -63,16 +63,18 @@ def run(options: argparse.Namespace) -> Answer:
     options.output.mkdir(parents=True, exist_ok=True)
     workers = os.cpu_count() or 1
     growth_result = start_task(ModelGrowthTask(hidden, catalogue), workers)
-    show_progress(f'simulating {PROFILE} at 50 Hz …')
-    simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
+    show_progress(f'simulating {PAPER_PROFILE} at 50 Hz …')
+    simulated = simulate_run(
+        PAPER_PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x'
+    )
     bags = [read_bag(path) for path in paths]
     analysis = analyse_recordings(
         [replace(simulated, run=RUN), *bags], catalogue=catalogue, workers=workers
     )
     growth = growth_result()
     alone = (
-        f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '
-        f'--seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
+        f'python -m imu_workbench simulate {PAPER_PROFILE} --device dut1 --orientation x '
+        f'--rate 50 --seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
     )
     found = f'python -m imu_workbench auto {" ".join(growth["bags"])} -o better.yaml'
     show_progress('writing the page …')

@@ -13,6 +13,7 @@ from imu_recording import ImuRecording
 from imu_workbench.answer import Answer, show_progress, write_json
 from imu_workbench.commands.options import add_effects_argument, add_output_argument
 from imu_workbench.report.content import command_line, versions
+from imu_workbench.tables.paper import PAPER_PROFILE
 
 HELP = "Run the paper's whole campaign, and write our Tables III–VII and Figures 4–8 beside its."
 EPILOG = (
@@ -21,7 +22,7 @@ EPILOG = (
     'doc/paper.md says which table and figure comes from which command.\n'
     'example:\n  python -m imu_workbench reproduce paper -o paper_run'
 )
-DEVICES = {'dut1': 1, 'dut2': 2, 'dut3': 3}
+DEVICE_SEEDS = {'dut1': 1, 'dut2': 2, 'dut3': 3}
 """Device → seed of its campaign, as of the bundled bags."""
 FILTERLESS_RATE_HZ = 0.5
 FAST_RUN = ('dut1', 'x')
@@ -31,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('what', choices=('paper',), help='Betta et al. 2022')
     parser.add_argument(
-        '--profile', default='paper_betta2022', metavar='PROFILE', help='plan of every run'
+        '--profile', default=PAPER_PROFILE, metavar='PROFILE', help='plan of every run'
     )
     parser.add_argument(
         '--rate', type=float, default=50.0, metavar='HZ', help='rate of the one run (default 50)'
@@ -78,7 +79,7 @@ def simulated_campaign(profile: str, rate_hz: float) -> list[ImuRecording]:
     from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_run
 
     recordings = []
-    for device, seed in DEVICES.items():
+    for device, seed in DEVICE_SEEDS.items():
         for orientation in ORIENTATIONS:
             axis = orientation[-1]
             show_progress(f'simulating {device}, {axis} up …')

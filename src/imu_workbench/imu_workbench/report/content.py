@@ -46,12 +46,10 @@ from imu_workbench.report.model_content import model_content
 from imu_workbench.report.modelled import dependence_content, fit_content, residual_content
 from imu_workbench.report.series import rounded
 from imu_workbench.tables import paper
-from imu_workbench.tables.paper import PAPER_NOTES
+from imu_workbench.tables.paper import PAPER_NOTES, PAPER_PROFILE
 
 TITLE = 'Temperature error of MEMS IMUs'
-PAPER_PROFILE = 'paper_betta2022'
-"""Plan of the campaigns that are compared with the paper."""
-RUNS_POINTS = 4_500
+ALL_RUNS_POINTS = 4_500
 """Points of one channel's lines over all runs together: the page stays small."""
 
 
@@ -69,7 +67,7 @@ def report_content(
     `growth` is what a ModelGrowthTask found. `laboratory` and `limits` are what the certificates
     state and decide by; without them they say that nothing was stated.
     """
-    points = int(np.clip(RUNS_POINTS / max(1, len(analysis.runs)), 400, 1500))
+    points = int(np.clip(ALL_RUNS_POINTS / max(1, len(analysis.runs)), 400, 1500))
     measured = measured_content(analysis, points)
     modelled = modelled_content(analysis, points)
     content = {

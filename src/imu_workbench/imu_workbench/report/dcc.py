@@ -15,35 +15,35 @@ from uuid import NAMESPACE_URL, uuid5
 
 from imu_recording.user_error import UserError
 
+from imu_workbench.report.certificate.budget import COVERAGE_PROBABILITY
 from imu_workbench.report.laboratory import NOT_STATED
 from imu_workbench.report.model_content import in_words
 
 NO_COUNTRY = 'ZZ'
 """Country where none is stated: the schema requires one (ISO 3166-1, user-assigned)."""
-VERSION = '3.0.0'
+DCC_VERSION = '3.0.0'
 """Version of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
-UNITS = {
+DSI_UNITS = {
     'm/s²': r'\metre\second\tothe{-2}',
     'rad/s': r'\radian\second\tothe{-1}',
     'T': r'\tesla',
     'rad': r'\radian',
     '1': '',
 }
-PER_KELVIN = {
+DSI_UNITS_PER_KELVIN = {
     '': '',
     '/K': r'\kelvin\tothe{-1}',
     '/K²': r'\kelvin\tothe{-2}',
     '/K³': r'\kelvin\tothe{-3}',
 }
-SHAPE_UNITS = {
+DSI_SHAPE_UNITS = {
     's': r'\second',
     'K': r'\kelvin',
     '°C': r'\degreecelsius',
     'Hz': r'\hertz',
     '1': r'\one',
 }
-COVERAGE_PROBABILITY = 0.95
 
 
 def check_dcc(signed: bool) -> None:
@@ -61,16 +61,16 @@ def dsi_unit(unit: str) -> str | None:
     >>> print(dsi_unit('1/K'), dsi_unit('1'))
     \kelvin\tothe{-1} \one
     """
-    if unit in SHAPE_UNITS:
-        return SHAPE_UNITS[unit]
-    for name, written in UNITS.items():
+    if unit in DSI_SHAPE_UNITS:
+        return DSI_SHAPE_UNITS[unit]
+    for name, written in DSI_UNITS.items():
         rest = unit.removeprefix(name)
-        if unit.startswith(name) and rest in PER_KELVIN:
-            return written + PER_KELVIN[rest]
+        if unit.startswith(name) and rest in DSI_UNITS_PER_KELVIN:
+            return written + DSI_UNITS_PER_KELVIN[rest]
     return None
 
 
-def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:
+def certificate_xml(content: Mapping[str, Any], version: str = DCC_VERSION) -> Any:
     """Return the certificate of the one device of a report as an lxml element.
 
     Raises UserError where it is not of one device.
@@ -328,7 +328,7 @@ def load_schema(path: Path) -> tuple[Any, str]:
         raise UserError(reason) from None
     if missing:
         raise UserError(missing[0])
-    return schema, document.getroot().get('version') or VERSION
+    return schema, document.getroot().get('version') or DCC_VERSION
 
 
 def validated(root: Any, schema: Any, path: Path) -> str:

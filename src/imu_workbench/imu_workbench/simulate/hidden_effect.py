@@ -27,11 +27,11 @@ from imu_workbench.simulate.campaign import (
     prepare_campaign,
     record_campaign,
 )
+from imu_workbench.tables.paper import PAPER_PROFILE
 
 TRUTH_FILE = '.truth.json'
 BUNDLED_TRUTH_FILE = '.hidden_effect_truth.json'
 """The truth of the bags that ship with the repository."""
-PLAN = 'paper_betta2022'
 NOTHING_HIDDEN = Truth(None, 'nothing', law=NOTHING)
 
 
@@ -151,7 +151,7 @@ def practice_campaign(
     """
     device = scale_bias_instability(draw_device(seed), bias_instability)
     place = seed % 8 if chamber_seed is None else chamber_seed
-    runs = prepare_campaign(PLAN, device, seed=seed, chamber_seed=place)
+    runs = prepare_campaign(PAPER_PROFILE, device, seed=seed, chamber_seed=place)
     logging = Logging(1.0 / mean_s, mean=True, chamber_period=mean_s)
     campaign = record_hidden(runs, logging, hidden_effects, seed=seed)
     return campaign.recordings, list(campaign.truths)

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imu_workbench.tables.rows import TO_SI, StatisticsRow, TableFinding, distinct, norms
+from imu_workbench.tables.rows import (
+    ACCELERATION_FACTORS,
+    FIELD_FACTORS,
+    SI_FACTORS,
+    StatisticsRow,
+    TableFinding,
+    distinct,
+    norms,
+)
 
 STARTUP_AGREEMENT = 0.02
 """Channels of one device share a start-up if their ratios agree to this."""
@@ -37,7 +45,7 @@ def startups(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
             )
             where += [r.place for r in shared]
         heavy = [r for r in rows if r.dut == dut and r.quantity == 'accelerometer' and r.large]
-        heavy = [r for r in heavy if abs(r.mean) * TO_SI.get(r.unit, 1.0) > GRAVITY_RANGE[0]]
+        heavy = [r for r in heavy if abs(r.mean) * SI_FACTORS.get(r.unit, 1.0) > GRAVITY_RANGE[0]]
         shared, common = _common_share(heavy)
         if parts and len(shared) > 3:
             parts.append(
@@ -100,12 +108,12 @@ def units(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     ):
         for _, unit in distinct((r.quantity, r.unit) for r in rows if r.quantity == quantity):
             known = norms([r for r in rows if r.unit == unit], quantity)
-            values = np.array(list(known.values())) * TO_SI.get(unit, 1.0)
+            values = np.array(list(known.values())) * SI_FACTORS.get(unit, 1.0)
             if not len(values):
                 continue
             middle = float(np.median(values))
             if not low / slack <= middle <= high * slack:
-                found.append(_wrong_unit(quantity, unit, middle / TO_SI.get(unit, 1.0)))
+                found.append(_wrong_unit(quantity, unit, middle / SI_FACTORS.get(unit, 1.0)))
             elif quantity == 'magnetometer' and values.max() > values.min() * high / low:
                 found.append(_no_unit(quantity, unit, values))
     return found
@@ -166,8 +174,8 @@ def _gravity_axes(rows: Sequence[StatisticsRow], dut: str) -> list[StatisticsRow
 
 def _wrong_unit(quantity: str, unit: str, norm: float) -> TableFinding:
     low, high = GRAVITY_RANGE if quantity == 'accelerometer' else EARTH_FIELD_RANGE_T
-    same = [u for u in TO_SI if (TO_SI[u] > 1e-3 or u == 'mg') == (quantity == 'accelerometer')]
-    fits = [u for u in same if u != 'T' and low <= norm * TO_SI[u] <= high]
+    factors = ACCELERATION_FACTORS if quantity == 'accelerometer' else FIELD_FACTORS
+    fits = [u for u, factor in factors.items() if u != 'T' and low <= norm * factor <= high]
     would = f'{fits[0]} would fit' if fits else 'no common unit fits'
     what = "gravity's" if quantity == 'accelerometer' else "the Earth's field's"
     return TableFinding(
@@ -184,18 +192,16 @@ def _wrong_unit(quantity: str, unit: str, norm: float) -> TableFinding:
 
 def _no_unit(quantity: str, unit: str, values: np.ndarray) -> TableFinding:
     low, high = EARTH_FIELD_RANGE_T
-    inside = {
-        u: int(((low <= k * values / TO_SI[unit]) & (k * values / TO_SI[unit] <= high)).sum())
-        for u, k in (('nT', 1e-9), ('µT', 1e-6), ('mG', 1e-7), ('G', 1e-4))
-    }
+    fields = {u: FIELD_FACTORS[u] * values / SI_FACTORS[unit] for u in ('nT', 'µT', 'mG', 'G')}
+    inside = {u: int(((low <= field) & (field <= high)).sum()) for u, field in fields.items()}
     fits = ', '.join(f'{u} {n}' for u, n in inside.items())
     none = [u for u, n in inside.items() if n == 0]
     best = max(inside, key=lambda u: inside[u])
     return TableFinding(
         'unit_mismatch',
         (f'{quantity} [{unit}]',),
-        f'{quantity}: its norms span {values.min() / TO_SI[unit]:.3g} … '
-        f'{values.max() / TO_SI[unit]:.3g}, so no unit makes all of them the '
+        f'{quantity}: its norms span {values.min() / SI_FACTORS[unit]:.3g} … '
+        f'{values.max() / SI_FACTORS[unit]:.3g}, so no unit makes all of them the '
         f"Earth's {low * 1e6:g} … {high * 1e6:g} µT; of {len(values)} columns fit {fits}",
         (
             f'{best} is meant, and the columns outside hold a hard-iron offset or a local field',

@@ -18,6 +18,8 @@ CITATION = (
     'Algorithms”, IEEE Trans. Instrum. Meas. 71 (2022) 3528112, doi:10.1109/TIM.2022.3216400'
 )
 
+PAPER_PROFILE = 'paper_betta2022'
+"""Chamber profile of the paper's campaigns."""
 OVERALL_RANGES = {'gyroscope': 0.31, 'accelerometer': 5.92, 'magnetometer': 132.01}
 """Largest range of any channel as section IV states it [deg/s, m/s², µT]."""
 

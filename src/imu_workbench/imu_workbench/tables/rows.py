@@ -14,15 +14,19 @@ import numpy as np
 from imu_recording.recording import STANDARD_GRAVITY
 from imu_recording.user_error import UserError
 
-REQUIRED = ('dut', 'quantity', 'axis', 'segment', 'min', 'max', 'mean', 'std')
+REQUIRED_COLUMNS = ('dut', 'quantity', 'axis', 'segment', 'min', 'max', 'mean', 'std')
 LARGE_MEAN_SIGMA = 5.0
 """A channel is large where its mean is this many standard deviations from zero."""
-TO_SI = {
+ACCELERATION_FACTORS = {
     'm/s^2': 1.0, 'm/s²': 1.0, 'm/s2': 1.0, 'g': STANDARD_GRAVITY, 'mg': 1e-3 * STANDARD_GRAVITY,
+}  # fmt: skip
+"""Factors from the units tables are printed in to m/s²."""
+FIELD_FACTORS = {
     'T': 1.0, 'mT': 1e-3, 'uT': 1e-6, 'µT': 1e-6, 'μT': 1e-6, 'nT': 1e-9,
     'G': 1e-4, 'gauss': 1e-4, 'Gauss': 1e-4, 'mG': 1e-7,
 }  # fmt: skip
-"""Factors from the units tables are printed in to m/s² and T."""
+"""Factors from the units tables are printed in to T."""
+SI_FACTORS = ACCELERATION_FACTORS | FIELD_FACTORS
 
 
 class TableError(UserError):
@@ -77,9 +81,11 @@ def read_table(path: str | Path) -> list[StatisticsRow]:
     records = list(csv.DictReader(text.splitlines()))
     if not records:
         raise TableError(f'{path}: no rows')
-    missing = [name for name in REQUIRED if name not in records[0]]
+    missing = [name for name in REQUIRED_COLUMNS if name not in records[0]]
     if missing:
-        raise TableError(f'{path}: no column {missing[0]!r}; it needs {", ".join(REQUIRED)}')
+        raise TableError(
+            f'{path}: no column {missing[0]!r}; it needs {", ".join(REQUIRED_COLUMNS)}'
+        )
     return [_row(record, f'{path}, row {k}') for k, record in enumerate(records, 2)]
 
 

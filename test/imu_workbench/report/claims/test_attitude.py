@@ -3,15 +3,15 @@
 
 import numpy as np
 import pytest
-from imu_workbench.report.attitude import COLUMNS, FilterAttitude
+from imu_workbench.report.attitude import ANGLE_COLUMNS, FilterAttitude
 from imu_workbench.report.claims.attitude import attitude_claims
 
 BYTES = {'ahrs': 700, 'complementary': 200}
 
 
 def attitude(name: str, data: str, std: float, mean: float, cost: float) -> FilterAttitude:
-    columns = dict.fromkeys(COLUMNS, std)
-    means = dict.fromkeys(COLUMNS, mean)
+    columns = dict.fromkeys(ANGLE_COLUMNS, std)
+    means = dict.fromkeys(ANGLE_COLUMNS, mean)
     statistics = [{'part': 'run', 'mean': means, 'std': columns, 'largest': columns}]
     return FilterAttitude(
         filter=name,

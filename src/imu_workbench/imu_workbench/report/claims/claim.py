@@ -15,6 +15,10 @@ VERDICT_NAMES: dict[str, str] = {
 }
 
 
+FALSE_ALARM_SHARE = 0.01
+"""Probability that a test finds a difference where there is none, over all channels together."""
+
+
 @dataclass(frozen=True)
 class Claim:
     """One claim, our numbers, a verdict and its reason."""

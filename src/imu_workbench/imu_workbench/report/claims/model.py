@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from thermal_comp.presentation.display import SENSORS, shown
 
 from imu_workbench.report.analysis import Analysis
-from imu_workbench.report.claims.claim import Claim, untestable
+from imu_workbench.report.claims.claim import FALSE_ALARM_SHARE, Claim, untestable
 from imu_workbench.report.modelled import RunErrors, binned
 
 LARGEST_DEVIATION_SHARE = 0.1
 """Deviation from the line, as a part of its span, up to which it counts as linear."""
-SIGNIFICANCE = 0.01
 
 
 def linearity_claim(analysis: Analysis) -> Claim:
@@ -107,24 +106,24 @@ def gaussianity_claim(analysis: Analysis) -> Claim:
         ),
         verdict='supported' if not after and before > len(tested) / 2 and bimodal else 'not',
         why=(
-            f'χ² test of block means, thinned until they are independent, at {SIGNIFICANCE:.0%} '
-            'over all channels together (Holm); two modes where the dwells’ means are more than '
-            'two standard deviations apart. Supported where most are rejected before and none '
-            'after.'
+            'χ² test of block means, thinned until they are independent, at '
+            f'{FALSE_ALARM_SHARE:.0%} over all channels together (Holm); two modes where the '
+            'dwells’ means are more than two standard deviations apart. Supported where most are '
+            'rejected before and none after.'
         ),
         numbers={'channels': rows},
     )
 
 
 def rejected(p_values: Sequence[float]) -> NDArray[np.bool_]:
-    """Return which hypotheses Holm's procedure rejects at SIGNIFICANCE over all of them.
+    """Return which hypotheses Holm's procedure rejects at FALSE_ALARM_SHARE.
 
     >>> rejected([0.5, 1e-6, 0.004]).tolist()
     [False, True, True]
     """
     p = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(p)
-    passed = p[order] <= SIGNIFICANCE / np.arange(len(p), 0, -1)
+    passed = p[order] <= FALSE_ALARM_SHARE / np.arange(len(p), 0, -1)
     kept = np.logical_and.accumulate(passed)
     result = np.zeros(len(p), dtype=bool)
     result[order[kept]] = True

@@ -10,11 +10,9 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
-from imu_workbench.report.claims.claim import Claim, untestable
+from imu_workbench.report.claims.claim import FALSE_ALARM_SHARE, Claim, untestable
 from imu_workbench.report.slopes import compare_devices, compare_orientations, mean_and_uncertainty
 
-SIGNIFICANCE = 0.01
-"""Probability of a false alarm over all channels of a test together."""
 EXCURSION_K = 60.0
 """From the cold to the hot dwell of the paper [K]."""
 
@@ -78,7 +76,7 @@ def orientation_claim(slopes: Slopes) -> Claim:
             'orientation cannot be told apart.',
         )
     p_values = np.concatenate([row['p_value'] for row in rows])
-    limit = SIGNIFICANCE / len(p_values)
+    limit = FALSE_ALARM_SHARE / len(p_values)
     differing = int((p_values < limit).sum())
     worst = {
         sensor: max(
@@ -96,10 +94,10 @@ def orientation_claim(slopes: Slopes) -> Claim:
             f'orientations; the largest difference over 60 K is {sizes}'
         ),
         verdict='not' if differing else 'supported',
-        why=f'Analysis of variance of the cycles’ slopes between orientations, {SIGNIFICANCE:.0%} '
-        'over all channels together. Cycles of one run share its mounting, so that a difference '
-        'between runs counts as one between orientations; a scale factor that depends on '
-        'temperature shows up here on the axis that feels gravity.',
+        why='Analysis of variance of the cycles’ slopes between orientations, '
+        f'{FALSE_ALARM_SHARE:.0%} over all channels together. Cycles of one run share its '
+        'mounting, so that a difference between runs counts as one between orientations; a scale '
+        'factor that depends on temperature shows up here on the axis that feels gravity.',
         numbers={'tests': rows},
     )
 
