@@ -23,7 +23,7 @@ from chamber_profile.profile.file import profile_text
 from imu_driver.simulation.hidden import hide_anything
 from imu_driver.simulation.population import FleetDevice, draw_fleet_device, draw_lots
 from imu_recording.recording import FloatArray
-from imu_workbench.fleet.estimate import LINE
+from imu_workbench.fleet.estimate import LINE_EFFECT
 from imu_workbench.fleet.short_profile import short_profile
 from imu_workbench.fleet.statistics.prior import fleet_prior, with_prior
 from imu_workbench.fleet.statistics.vectors import SENSORS
@@ -87,14 +87,14 @@ def squares_of(
 ) -> FloatArray:
     """Return (2, 3, 3) mean squares of the short and the full campaign by sensor and axis."""
     cut = prepare(campaign(device, short, options.seed)[:poses])
-    model = fit_prepared([LINE], cut)
+    model = fit_prepared([LINE_EFFECT], cut)
     prior = fleet_prior(options.results, device.lot, 'none', device.parameters.name)
     model, _ = with_prior(model, cut, prior)
     whole = prepare(campaign(device, options.profile, options.seed))
     squares = []
     for held in whole:
         others = [run for run in whole if run is not held]
-        squares.append([left(one, held) for one in (model, fit_prepared([LINE], others))])
+        squares.append([left(one, held) for one in (model, fit_prepared([LINE_EFFECT], others))])
     return np.mean(squares, axis=0)
 
 
@@ -115,7 +115,7 @@ def left(model: ThermalModel, run: PreparedRun) -> FloatArray:
     """Return (3, 3) mean squares that a model leaves of a run about its level."""
     found = []
     for sensor in SENSORS:
-        columns = run.columns(LINE, sensor)
+        columns = run.columns(LINE_EFFECT, sensor)
         rest = run.measured[sensor] - columns @ model.sensors[sensor].coefficients[0]
         rest = rest[np.isfinite(rest).all(axis=1)]
         found.append(((rest - rest.mean(axis=0)) ** 2).mean(axis=0))

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import rclpy
 from rclpy.context import Context
 
-DISCOVERY = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+DISCOVERY_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
 @contextmanager
@@ -31,12 +31,12 @@ def quiet_context() -> Iterator[Context]:
 
 @contextmanager
 def _undiscovered() -> Iterator[None]:
-    before = os.environ.get(DISCOVERY)
-    os.environ[DISCOVERY] = 'OFF'
+    before = os.environ.get(DISCOVERY_VARIABLE)
+    os.environ[DISCOVERY_VARIABLE] = 'OFF'
     try:
         yield
     finally:
         if before is None:
-            del os.environ[DISCOVERY]
+            del os.environ[DISCOVERY_VARIABLE]
         else:
-            os.environ[DISCOVERY] = before
+            os.environ[DISCOVERY_VARIABLE] = before

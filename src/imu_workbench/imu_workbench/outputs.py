@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from imu_recording.user_error import UserError
 
-OUTPUTS = {
+OUTPUT_OPTIONS = {
     'output': '-o',
     'json': '--json',
     'plot': '--plot',
@@ -20,9 +20,9 @@ OUTPUTS = {
     'write_golden': '--write-golden',
 }
 """Options that name what a verb writes, as they are given."""
-REPLACEABLE = {'model'}
+REPLACEABLE_INPUTS = {'model'}
 """Inputs that a user may replace: a model by the next one."""
-RECORDINGS = {'.mcap', '.db3', '.bag', '.ulg', '.bin', '.bbl'}
+RECORDING_SUFFIXES = {'.mcap', '.db3', '.bag', '.ulg', '.bin', '.bbl'}
 """Suffixes of files that hold measurements."""
 
 
@@ -32,7 +32,7 @@ def refuse_to_destroy(options: Namespace) -> None:
     Raises UserError naming the option and the path.
     """
     read = set(_inputs(options))
-    for name, given in OUTPUTS.items():
+    for name, given in OUTPUT_OPTIONS.items():
         path = getattr(options, name, None)
         if not isinstance(path, Path) or not path.exists():
             continue
@@ -48,14 +48,14 @@ def _inputs(options: Namespace) -> Iterator[Path]:
     """Return the resolved paths of what is read."""
     for name, value in vars(options).items():
         given = value if isinstance(value, list) else [value]
-        if name not in OUTPUTS and name not in REPLACEABLE:
+        if name not in OUTPUT_OPTIONS and name not in REPLACEABLE_INPUTS:
             yield from (path.resolve() for path in given if isinstance(path, Path))
 
 
 def _is_recording(path: Path) -> bool:
     if path.name == 'metadata.yaml':
         return 'rosbag2' in path.read_text('utf-8', 'replace')
-    return path.suffix.lower() in RECORDINGS
+    return path.suffix.lower() in RECORDING_SUFFIXES
 
 
 def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:

@@ -49,7 +49,7 @@ def test_mistakes_are_one_line(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(engine, 'CONNECT_S', 0.2)
+    monkeypatch.setattr(engine, 'CONNECT_TIMEOUT_S', 0.2)
     call = ['fleet', str(fleet_bags), '-o', str(tmp_path / 'out')]
     assert main(['reveal', str(fleet_bags), '--fleet', str(tmp_path)]) == 2
     assert 'no results here' in capsys.readouterr().err

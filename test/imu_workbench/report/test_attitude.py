@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.report.attitude import (
-    COLUMNS,
+    ANGLE_COLUMNS,
     angle_statistics,
     angles_from_start,
     estimate_attitudes,
@@ -28,7 +28,7 @@ def test_heading_and_inclination_are_told_apart_in_any_pose(up) -> None:
     turn = np.where(seconds < 100, 0.0, 30.0)
     heading = angles_from_start(seconds, turned(turn, 2, np.array(up, float)))
     tilt = angles_from_start(seconds, turned(turn, 0, np.array(up, float)))
-    place = {name: i for i, name in enumerate(COLUMNS)}
+    place = {name: i for i, name in enumerate(ANGLE_COLUMNS)}
     np.testing.assert_allclose(heading[-1, place['heading']], 30.0)
     np.testing.assert_allclose(heading[-1, place['inclination']], 0.0, atol=1e-9)
     np.testing.assert_allclose(tilt[-1, place['inclination']], 30.0)
@@ -51,7 +51,7 @@ def test_rows_without_an_attitude_do_not_count() -> None:
 def test_spread_across_180_degrees_is_that_of_the_angle() -> None:
     rng = np.random.default_rng(4)
     yaw = 178.0 + rng.normal(0.0, 3.0, 20_000)
-    angles = np.tile(((yaw + 180.0) % 360.0 - 180.0)[:, None], (1, len(COLUMNS)))
+    angles = np.tile(((yaw + 180.0) % 360.0 - 180.0)[:, None], (1, len(ANGLE_COLUMNS)))
     found = angle_statistics(angles, np.repeat([1, 2], 10_000))
     assert [part['part'] for part in found] == ['run', 'R1', 'R2']
     assert found[0]['mean']['yaw'] == pytest.approx(178.0, abs=0.1)

@@ -10,7 +10,7 @@ import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report import pdf
 from imu_workbench.report.analysis import analyse_recordings
-from imu_workbench.report.certificate.recordings import MOST_LOSSES, NOTE_LENGTH
+from imu_workbench.report.certificate.recordings import MOST_LOSSES, NOTE_CHARACTERS
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.certificate import ROWS_OF_A_PAGE, result_rows
 from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
@@ -44,7 +44,7 @@ def test_pages(page) -> None:
 
 
 def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
-    note = 'imu/data_raw: 123 damaged messages left out '.ljust(NOTE_LENGTH, 'x')
+    note = 'imu/data_raw: 123 damaged messages left out '.ljust(NOTE_CHARACTERS, 'x')
     certificate = content['certificates']['dut1'] | {'residuals': {}, 'allan_deviation': {}}
     found = certificate | {'losses': [f'{note} (dut1_x, dut1_y, dut1_z)'] * (MOST_LOSSES + 1)}
     page = pdf.printed_page(content | {'certificates': {'dut1': found}})

@@ -26,7 +26,7 @@ from imu_workbench.commands.options import (
 )
 from imu_workbench.outputs import claim_output
 
-PICTURES = ('.png', '.svg', '.pdf')
+PICTURE_SUFFIXES = ('.png', '.svg', '.pdf')
 HELP = 'Compare measured and modelled error per axis: rms, held out, noise floor, worst phase.'
 EPILOG = 'example:\n  python -m imu_workbench compare bags/dut1_? --model dut1.yaml'
 
@@ -92,7 +92,9 @@ def _across(options: argparse.Namespace) -> Answer:
 def claim_picture(target: Path, *, force: bool) -> None:
     """Refuse a picture that exists, unless `force`, and one that cannot be drawn."""
     claim_output(target, force=force)
-    if target.suffix not in PICTURES:
-        raise UserError(f'--plot {target}: expected a name that ends with {", ".join(PICTURES)}')
+    if target.suffix not in PICTURE_SUFFIXES:
+        raise UserError(
+            f'--plot {target}: expected a name that ends with {", ".join(PICTURE_SUFFIXES)}'
+        )
     if find_spec('matplotlib') is None:
         raise UserError('--plot needs matplotlib: pip install matplotlib')

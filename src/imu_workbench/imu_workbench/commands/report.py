@@ -91,7 +91,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Analyse the recordings, write the page."""
     from imu_workbench.parallel import keep_memory
-    from imu_workbench.report.analysis import UNNAMED, analyse_recordings, named
+    from imu_workbench.report.analysis import UNNAMED_DEVICE, analyse_recordings, named
     from imu_workbench.report.attitude import is_slow
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_text
@@ -106,8 +106,8 @@ def run(options: argparse.Namespace) -> Answer:
     keep_memory()
     recordings = read_recordings(options, every_device=True)
     devices = sorted({recording.device for recording in named(recordings)})
-    if devices == [UNNAMED] and len(models) == 1:
-        models = {UNNAMED: next(iter(models.values()))}
+    if devices == [UNNAMED_DEVICE] and len(models) == 1:
+        models = {UNNAMED_DEVICE: next(iter(models.values()))}
     check_models(models, devices)
     analysis = analyse_recordings(
         recordings,
@@ -151,7 +151,7 @@ def check_format(options: argparse.Namespace) -> None:
 def write_report(content: Mapping[str, Any], options: argparse.Namespace) -> str:
     """Write the report in its format; return a remark to show beside its name."""
     from imu_workbench.report.dcc import (
-        VERSION,
+        DCC_VERSION,
         certificate_xml,
         load_schema,
         signed,
@@ -167,7 +167,7 @@ def write_report(content: Mapping[str, Any], options: argparse.Namespace) -> str
     if options.format == 'pdf':
         options.output.write_bytes(report_pdf(content))
         return ''
-    schema, version = load_schema(options.schema) if options.schema else (None, VERSION)
+    schema, version = load_schema(options.schema) if options.schema else (None, DCC_VERSION)
     root = certificate_xml(content, version)
     note = f'structure of schema {version}, not validated: give --schema dcc.xsd'
     if schema is not None:

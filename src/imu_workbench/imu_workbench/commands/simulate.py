@@ -33,7 +33,7 @@ from imu_workbench.simulate.own_effect import own_effects
 
 HELP = 'Simulate a device in a chamber that runs a thermal profile; write the bags.'
 EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)
-AXES = ('x', 'y', 'z', '-x', '-y', '-z')
+ORIENTATION_CHOICES = ('x', 'y', 'z', '-x', '-y', '-z')
 SENSOR_CHOICES = (*SENSORS, 'accelerometer+magnetometer')
 
 
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--device', choices=tuple(DEVICES), default='dut1', help='which device')
     parser.add_argument(
         '--orientation',
-        choices=AXES,
+        choices=ORIENTATION_CHOICES,
         help='the axis that points up: one bag at DIR; without it the bags DIR/x, DIR/y, DIR/z',
     )
     parser.add_argument(

@@ -27,7 +27,7 @@ from thermal_comp.model.values import NoiseModel
 
 GRID_POINTS = 13
 """Forms of an effect along its shape parameter: close enough to interpolate between them."""
-LEAST_SHARE = 1e-3
+LEAST_COLUMN_SHARE = 1e-3
 """Least share of a whitened column beyond levels and line: below it the runs do not show it."""
 
 
@@ -94,7 +94,7 @@ def try_candidates(
             own, shared = _columns(runs, valid, sensor, form)
             if shared:
                 break
-            taken.append(_taken(*rows.projected(own, LEAST_SHARE), measured))
+            taken.append(_taken(*rows.projected(own, LEAST_COLUMN_SHARE), measured))
             forms.append(form)
         if forms:
             found.append(_candidate(name, forms, np.array(taken), own.shape[2]))

@@ -31,7 +31,7 @@ MOST_WORKER_DEATHS = 2
 """Workers that may die of one device before it is given up."""
 LEAST_MEMORY_BYTES = 100_000_000
 """A worker needs more for the libraries alone [bytes]."""
-CONNECT_S = 10.0
+CONNECT_TIMEOUT_S = 10.0
 SCHEDULER_GONE = (
     'the scheduler has gone: start it again and run the same command, it goes on where it was'
 )
@@ -242,13 +242,13 @@ def connected(cluster: Cluster) -> Iterator[Any]:
 
     chosen = {
         'distributed.scheduler.allowed-failures': MOST_WORKER_DEATHS,
-        'distributed.comm.timeouts.connect': f'{CONNECT_S:g}s',
+        'distributed.comm.timeouts.connect': f'{CONNECT_TIMEOUT_S:g}s',
         'distributed.admin.tick.limit': '1h',
     }
     with dask.config.set(chosen):
         if cluster.scheduler:
             try:
-                client = Client(cluster.scheduler, timeout=CONNECT_S)
+                client = Client(cluster.scheduler, timeout=CONNECT_TIMEOUT_S)
             except (OSError, ValueError) as error:
                 raise UserError(
                     f'--scheduler {cluster.scheduler}: no answer ({error}); start one with '
@@ -276,7 +276,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
 def _check_workers(client: Any, scheduler: str) -> None:
     """Raise UserError where a scheduler has no workers, or one of them has other software."""
     try:
-        client.wait_for_workers(1, timeout=CONNECT_S)
+        client.wait_for_workers(1, timeout=CONNECT_TIMEOUT_S)
     except TimeoutError:
         raise UserError(
             f'--scheduler {scheduler}: it has no workers; start `dask worker {scheduler} '

@@ -35,12 +35,11 @@ from imu_workbench.fleet.candidates import try_candidates
 from imu_workbench.fleet.sources import DeviceSource, reason
 from imu_workbench.fleet.table import SCHEMA, ResultRow
 
-AXES = ('x', 'y', 'z')
 BIN_K = 1.0
 """Width of the bins of temperature that block means are kept in [K]."""
 BIN_TIME_SHARES = (1.0, 0.5, 0.25)
 """Shares of a bin's time, from its beginning, with a mean each: they stand for shorter dwells."""
-LINE = BiasTemperature()
+LINE_EFFECT = BiasTemperature()
 """The model of every device: the paper's line per axis."""
 
 
@@ -163,10 +162,10 @@ def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -
         raise RecordingError(f'its bags name several devices: {", ".join(sorted(named))}')
     catalogue = _catalogue(settings)
     runs = prepare(recordings)
-    model = fit_prepared([LINE], runs)
+    model = fit_prepared([LINE_EFFECT], runs)
     comparison = compare_prepared(model, runs)
     noise = {s: part.noise for s in SENSORS if (part := model.sensors.get(s)) and part.noise}
-    alone = [fit_prepared([LINE], [run], noise=noise) for run in runs]
+    alone = [fit_prepared([LINE_EFFECT], [run], noise=noise) for run in runs]
     rows: list[ResultRow] = []
     for sensor in (sensor for sensor in SENSORS if sensor in model.sensors):
         part = model.sensors[sensor]
@@ -195,7 +194,7 @@ def _fitted_rows(
         {
             'sensor': sensor,
             'axis': axis,
-            'effect': LINE.name,
+            'effect': LINE_EFFECT.name,
             'role': 'fitted',
             'unit': f'{SENSOR_UNITS[sensor]}/K',
             'coefficients': slopes[:, a].tolist(),
@@ -211,7 +210,7 @@ def _fitted_rows(
             'block_variance': blocks['variance'][:, a].tolist(),
             'block_seconds': blocks['seconds'].tolist(),
         }
-        for a, axis in enumerate(AXES)
+        for a, axis in enumerate('xyz')
     ]
 
 
@@ -265,8 +264,8 @@ def _candidate_rows(
             'coefficients': _of_axis(found.coefficients, a),
             'std': _of_axis(found.std, a),
         }
-        for found in try_candidates(runs, sensor, part.noise, LINE, catalogue)
-        for a, axis in enumerate(AXES)
+        for found in try_candidates(runs, sensor, part.noise, LINE_EFFECT, catalogue)
+        for a, axis in enumerate('xyz')
     ]
 
 

@@ -11,13 +11,12 @@ import numpy as np
 
 from imu_workbench.fleet.statistics.vectors import Vectors
 from imu_workbench.fleet.summary import campaign_text, shortest_first
-from imu_workbench.report.figures.palette import device_colour
+from imu_workbench.report.figures.palette import AXES, device_colour
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
-AXES = 'xyz'
 MAP_DEVICES = 40
 HISTOGRAM_BINS = 40
-SHOWN_POINTS = 400
+CHART_DEVICES = 400
 """Devices a control chart draws one by one; of more only every k-th and those beyond limits."""
 HIGHEST_RATIO = 1.4
 """Where the scale of the shortening curve ends."""
@@ -138,7 +137,7 @@ def _control_traces(
         order = np.lexsort((group.device, group.measured_at))
         values = group.coefficients[order, AXES.index(axis)]
         odd = np.isin(group.device[order], chart['beyond'])
-        step = max(1, len(vectors) // SHOWN_POINTS)
+        step = max(1, len(vectors) // CHART_DEVICES)
         x += range(start, start + len(values), step)
         y += values[::step].tolist()
         beyond += [(start + int(i), float(values[i])) for i in np.flatnonzero(odd)]

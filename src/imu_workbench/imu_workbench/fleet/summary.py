@@ -12,8 +12,8 @@ from thermal_comp.presentation.display import coefficient_unit
 from imu_workbench.fleet.sources import NO_TYPE
 from imu_workbench.fleet.statistics.process_control import LEAST_CPK
 
-PER_AXIS = ('mean', 'std', 'estimate_std', 'within_std')
-BOUNDS = ('lower', 'upper', 'centre')
+AXIS_VALUES = ('mean', 'std', 'estimate_std', 'within_std')
+BOUND_VALUES = ('lower', 'upper', 'centre')
 MOST_LISTED = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""
 
@@ -178,8 +178,8 @@ def displayed(entries: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def _displayed(entry: Mapping[str, Any]) -> dict[str, Any]:
     unit = coefficient_unit(entry['sensor'], entry['unit'])
     scaled = partial(_scaled, unit.factor)
-    changed = {key: scaled(entry[key][:3]) for key in PER_AXIS if key in entry}
-    bounds = {key: scaled([entry[key]])[0] for key in BOUNDS if key in entry}
+    changed = {key: scaled(entry[key][:3]) for key in AXIS_VALUES if key in entry}
+    bounds = {key: scaled([entry[key]])[0] for key in BOUND_VALUES if key in entry}
     limits = {'limits': scaled(entry['limits'])} if 'limits' in entry else {}
     return {**entry, **changed, **bounds, **limits, 'unit': unit.unit}
 

@@ -16,12 +16,12 @@ from urllib.parse import quote
 
 from imu_recording.user_error import UserError
 
-RESULTS = 'results'
+RESULTS_FOLDER = 'results'
 SCHEMA = 4
 ResultRow = dict[str, Any]
 """One row; absent columns are null."""
 
-COLUMNS: dict[str, str] = {
+COLUMN_TYPES: dict[str, str] = {
     'device': 'string',
     'type': 'string',
     'sensor': 'string',
@@ -74,7 +74,7 @@ def arrow_schema() -> Any:
         'list<string>': pa.list_(pa.string()),
         'list<int16>': pa.list_(pa.int16()),
     }
-    return pa.schema([(name, plain[kind]) for name, kind in COLUMNS.items()])
+    return pa.schema([(name, plain[kind]) for name, kind in COLUMN_TYPES.items()])
 
 
 def write_rows(folder: Path, rows: Sequence[ResultRow], written: int) -> None:
@@ -87,7 +87,7 @@ def write_rows(folder: Path, rows: Sequence[ResultRow], written: int) -> None:
         own = {key: value for key, value in row.items() if key != 'lot'}
         lots[row['lot']].append({**own, 'written': written})
     for lot, own_rows in lots.items():
-        home = folder / RESULTS / f'lot={quote(lot, safe="")}'
+        home = folder / RESULTS_FOLDER / f'lot={quote(lot, safe="")}'
         partial = home / f'.part-{written}.partial'
         try:
             home.mkdir(parents=True, exist_ok=True)
@@ -107,19 +107,19 @@ class FleetTable:
     def __init__(self, folder: Path) -> None:
         import duckdb
 
-        if not any((folder / RESULTS).glob('*/*.parquet')):
+        if not any((folder / RESULTS_FOLDER).glob('*/*.parquet')):
             raise UserError(f'{folder}: no results here; `fleet SOURCE… -o {folder}` writes them')
         self.folder = folder
         self._database = duckdb.connect(config={'threads': 2, 'memory_limit': '1GB'})
-        pattern = str(folder / RESULTS / '*' / '*.parquet').replace("'", "''")
+        pattern = str(folder / RESULTS_FOLDER / '*' / '*.parquet').replace("'", "''")
         # Files of an earlier version may lack columns: they are null.
         self._database.register('every_column', arrow_schema().empty_table())
         try:
             self._database.execute(self._views(pattern))
         except duckdb.Error as error:
             raise UserError(
-                f'{folder / RESULTS}: cannot be read ({str(error).splitlines()[0]}); delete the '
-                'file that is named, its devices are estimated again'
+                f'{folder / RESULTS_FOLDER}: cannot be read ({str(error).splitlines()[0]}); '
+                'delete the file that is named, its devices are estimated again'
             ) from None
 
     @staticmethod
@@ -147,7 +147,7 @@ class FleetTable:
 
 def finished(folder: Path) -> dict[str, tuple[str, ...]]:
     """Return fingerprint, settings, version, lot and type of what is done, by source."""
-    if not any((folder / RESULTS).glob('*/*.parquet')):
+    if not any((folder / RESULTS_FOLDER).glob('*/*.parquet')):
         return {}
     query = """SELECT source, any_value(fingerprint), any_value(settings), any_value(version),
                       any_value(lot), any_value(type) FROM results GROUP BY source"""
@@ -156,7 +156,7 @@ def finished(folder: Path) -> dict[str, tuple[str, ...]]:
 
 def in_several_places(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return devices that were estimated in several sources, each with (source, lot)."""
-    if not any((folder / RESULTS).glob('*/*.parquet')):
+    if not any((folder / RESULTS_FOLDER).glob('*/*.parquet')):
         return []
     found: dict[str, list[tuple[str, str]]] = defaultdict(list)
     query = """SELECT DISTINCT device, source, lot FROM results WHERE role = 'fitted'
@@ -178,7 +178,7 @@ def compact(folder: Path) -> None:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
-    for home in sorted((folder / RESULTS).glob('lot=*')):
+    for home in sorted((folder / RESULTS_FOLDER).glob('lot=*')):
         for left in home.glob('.part-*.partial'):
             left.unlink()
         parts = sorted(home.glob('part-*.parquet'))

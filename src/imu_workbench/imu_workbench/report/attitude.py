@@ -33,16 +33,16 @@ from imu_workbench.report.series import decimated
 START_S = 60.0
 """The start attitude is the mean over this long [s]."""
 EULER = ('yaw', 'pitch', 'roll')
-COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
+ANGLE_COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 """Columns of `angles_from_start`: ZYX Euler angles (the paper's α, β, γ), then angles without
 wrap."""
 CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
-RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
+RAW, MAGNETOMETER_ONLY, FULL = 'raw', 'magnetometer compensated', 'compensated'
 """Input of the filters; under earlier versions of a model it is called `version 1` …"""
-DRAWN = (RAW, FULL)
+DRAWN_INPUTS = (RAW, FULL)
 """Inputs with lines and statistics of every cycle; others have statistics of the run only."""
-BRIEF_STRIDE = 10
+UNDRAWN_STRIDE = 10
 """Of the others one row in so many is evaluated: enough for their spread."""
 
 
@@ -54,7 +54,7 @@ class FilterAttitude:
     data: str
     """Input of the filter."""
     statistics: list[dict[str, Any]]
-    """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
+    """Mean, standard deviation and largest value of each angle: the run, then each cycle."""
     hours: Mapping[str, FloatArray]
     """Time of the lines [h], per Euler angle."""
     lines: Mapping[str, FloatArray]
@@ -84,8 +84,8 @@ def estimate_attitudes(
             start = time.thread_time()
             result = run_filter(name, recording)
             spent = time.thread_time() - start
-            drawn = data in DRAWN
-            stride = every if drawn else max(every, BRIEF_STRIDE)
+            drawn = data in DRAWN_INPUTS
+            stride = every if drawn else max(every, UNDRAWN_STRIDE)
             angles = angles_from_start(seconds, result.orientation, stride)
             hours: Mapping[str, FloatArray] = {}
             lines: Mapping[str, FloatArray] = {}
@@ -108,7 +108,7 @@ def angle_lines(
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return time and value of each Euler angle, decimated; a missing minute breaks the line."""
     found = {
-        name: decimated(hours, angles[:, COLUMNS.index(name)], points, max_gap=1 / 60)
+        name: decimated(hours, angles[:, ANGLE_COLUMNS.index(name)], points, max_gap=1 / 60)
         for name in EULER
     }
     return {n: line[0] for n, line in found.items()}, {n: line[1] for n, line in found.items()}
@@ -127,7 +127,7 @@ def _part_statistics(angles: FloatArray) -> dict[str, dict[str, float]]:
     if not known.any():
         return {}
     found: dict[str, dict[str, float]] = {'mean': {}, 'std': {}, 'largest': {}}
-    for name, column in zip(COLUMNS, angles.T, strict=True):
+    for name, column in zip(ANGLE_COLUMNS, angles.T, strict=True):
         values = column if known.all() else column[known]
         found['mean'][name], found['std'][name] = _circular(values)
         found['largest'][name] = float(max(values.max(), -values.min()))
@@ -141,7 +141,7 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     from the vertical. NaN where the filter has no attitude.
     """
     kept = orientation[::every]
-    angles = np.full((len(kept), len(COLUMNS)), np.nan, order='F')
+    angles = np.full((len(kept), len(ANGLE_COLUMNS)), np.nan, order='F')
     known = np.isfinite(orientation[:, 0])
     if not known.any():
         return angles
@@ -184,9 +184,9 @@ LEAST_FILTER_RATE_HZ = 50.0
 INTERPOLATED_RATE_HZ = 25.0
 """Rate [Hz] slower recordings are interpolated to: what lies between their samples is a straight
 line, and spreads of the degrees differ from those at 50 Hz by 3 % at most."""
-UNUSED = tuple(name for name in OPTIONAL_FIELDS if name != 'cycle')
+UNFILTERED_TRACKS = tuple(name for name in OPTIONAL_FIELDS if name != 'cycle')
 """Tracks the filters do not look at."""
-ALL_POINTS = 4_000
+ALL_RUNS_POINTS = 4_000
 """Points per line of all recordings together."""
 
 
@@ -225,7 +225,7 @@ class AttitudeTask:
         found = estimate_attitudes(
             variants(raw, self.model),
             every=round(INTERPOLATED_RATE_HZ) if slow else stride_of(raw),
-            points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
+            points=int(np.clip(ALL_RUNS_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
 
@@ -245,13 +245,13 @@ def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
             name: upsample(recording, INTERPOLATED_RATE_HZ) for name, recording in found.items()
         }
     if np.isfinite(raw.magnetic_field).any():
-        found[HALF] = replace(found[RAW], magnetic_field=full.magnetic_field)
+        found[MAGNETOMETER_ONLY] = replace(found[RAW], magnetic_field=full.magnetic_field)
     return found | {FULL: full}
 
 
 def without_tracks(recording: ImuRecording) -> ImuRecording:
     """Return the recording with what filters need and the cycle: copies become a third."""
-    absent: dict[str, Any] = dict.fromkeys(UNUSED)
+    absent: dict[str, Any] = dict.fromkeys(UNFILTERED_TRACKS)
     return replace(recording, **absent)
 
 

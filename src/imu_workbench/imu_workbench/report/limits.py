@@ -14,20 +14,21 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.report.checked_yaml import read_checked
 
-DEGREE = math.pi / 180.0
-UNITS: Mapping[str, Mapping[str, float]] = {
+RAD_PER_DEG = math.pi / 180.0
+SI_FACTORS: Mapping[str, Mapping[str, float]] = {
     'accelerometer': {
         'm/s²': 1.0, 'm/s^2': 1.0, 'mm/s²': 1e-3, 'g': STANDARD_GRAVITY,
         'mg': 1e-3 * STANDARD_GRAVITY, 'µg': 1e-6 * STANDARD_GRAVITY,
     },
     'gyroscope': {
-        'rad/s': 1.0, '°/s': DEGREE, 'deg/s': DEGREE, 'dps': DEGREE, 'm°/s': 1e-3 * DEGREE,
-        'mdps': 1e-3 * DEGREE, '°/h': DEGREE / 3600.0, 'deg/h': DEGREE / 3600.0,
+        'rad/s': 1.0, '°/s': RAD_PER_DEG, 'deg/s': RAD_PER_DEG, 'dps': RAD_PER_DEG,
+        'm°/s': 1e-3 * RAD_PER_DEG, 'mdps': 1e-3 * RAD_PER_DEG,
+        '°/h': RAD_PER_DEG / 3600.0, 'deg/h': RAD_PER_DEG / 3600.0,
     },
     'magnetometer': {'T': 1.0, 'µT': 1e-6, 'uT': 1e-6, 'nT': 1e-9, 'G': 1e-4, 'mG': 1e-7},
 }  # fmt: skip
 """Units a limit may have, in the sensor's SI unit."""
-SUFFIXES = {'bias': '', 'slope': '/K'}
+UNIT_SUFFIXES = {'bias': '', 'slope': '/K'}
 """Suffix of the sensor's unit for a coefficient; an effect has units of its own."""
 Rule = Literal['guarded', 'simple']
 Decision = Literal['pass', 'fail', 'undecided']
@@ -98,7 +99,7 @@ def _limit(
     place: str, sensor: str, name: str, given: Mapping[str, float | str]
 ) -> CoefficientLimit:
     factor, suffix = _converted(place, sensor, str(given['unit']))
-    expected = SUFFIXES.get(name, suffix)
+    expected = UNIT_SUFFIXES.get(name, suffix)
     if suffix != expected:
         raise UserError(
             f'{place}: unit {given["unit"]!r}; a {name} has one like '
@@ -117,7 +118,7 @@ def _converted(place: str, sensor: str, unit: str) -> tuple[float, str]:
     >>> _converted('', 'accelerometer', 'mg/K')
     (0.00980665, '/K')
     """
-    known = UNITS[sensor]
+    known = SI_FACTORS[sensor]
     for name in sorted(known, key=len, reverse=True):
         rest = unit.removeprefix(name)
         if unit.startswith(name) and rest[:1] in ('', '/', '·'):

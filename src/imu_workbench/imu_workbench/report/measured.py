@@ -17,7 +17,6 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 from imu_workbench.report.series import hole_hours, hours, line
 from imu_workbench.tables import paper
 
-AXES = ('x', 'y', 'z')
 PLAN_TRACKS = {
     'setpoint': 'set-point',
     'chamber_temperature': 'chamber air',
@@ -149,11 +148,11 @@ def cycle_content(recording: ImuRecording, *, points: int) -> dict[str, Any] | N
                 'mean': means,
                 'axes': {
                     axis: line(minutes, values[:, i] - means[i], points=points, max_gap=gap)
-                    for i, axis in enumerate(AXES)
+                    for i, axis in enumerate('xyz')
                 },
                 'means_20_s': {
                     axis: line(time / 60.0, mean, points=points, max_gap=gap)
-                    for axis, (time, mean) in zip(AXES, smooth, strict=True)
+                    for axis, (time, mean) in zip('xyz', smooth, strict=True)
                 },
             }
     if not sensors:
@@ -206,7 +205,7 @@ def _rows(tables: Sequence[SegmentStatistics], factor: float) -> list[dict[str, 
             'mean': table.mean[i] * factor,
             'std': table.std[i] * factor,
         }
-        for i, axis in enumerate(AXES)
+        for i, axis in enumerate('xyz')
         for table in tables
     ]
 
@@ -231,9 +230,9 @@ def _smoothed(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     return middle, sums[filled] / count[filled]
 
 
-REFERENCE = 'reference'
+REFERENCE_SEGMENT = 'reference'
 """The quiet zone: the preconditioning at ambient temperature."""
-WHOLE = 'whole run'
+WHOLE_RUN = 'whole run'
 """The only segment of a recording without phases and cycles."""
 
 
@@ -262,11 +261,11 @@ def segment_rows(recording: ImuRecording) -> dict[str, NDArray[np.bool_]]:
     if recording.phase is not None:
         quiet = recording.phase == PHASES.index('precondition')
         if quiet.any():
-            rows[REFERENCE] = quiet
+            rows[REFERENCE_SEGMENT] = quiet
     if recording.cycle is not None:
         for number in np.unique(recording.cycle[recording.cycle > 0]):
             rows[f'R{number}'] = recording.cycle == number
-    return rows or {WHOLE: np.ones(len(recording), dtype=bool)}
+    return rows or {WHOLE_RUN: np.ones(len(recording), dtype=bool)}
 
 
 def segment_statistics(

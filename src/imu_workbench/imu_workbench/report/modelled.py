@@ -80,7 +80,6 @@ def errors_of_run(run: PreparedRun, model: ThermalModel) -> RunErrors:
     )
 
 
-AXES = ('x', 'y', 'z')
 TEMPERATURE_BIN_K = 2.0
 """Width of the temperature bins of the dependence [K]."""
 HISTOGRAM_BINS = 48
@@ -110,7 +109,7 @@ def dependence_content(runs: Sequence[RunErrors]) -> dict[str, Any]:
                     'spread': rounded(spread[:, i]),
                     'modelled': rounded(line_means[:, i]),
                 }
-                for i, axis in enumerate(AXES)
+                for i, axis in enumerate('xyz')
             },
         }
     return found
@@ -146,7 +145,7 @@ def fit_content(run: RunErrors) -> dict[str, Any]:
         modelled = run.modelled[sensor] * factor
         residual = run.residual(sensor) * factor
         axes = {}
-        for i, axis in enumerate(AXES):
+        for i, axis in enumerate('xyz'):
             good = np.isfinite(measured[:, i])
             points = {}
             for name, rows in branch.items():
@@ -222,7 +221,7 @@ def residual_content(
                     name: line(hours, values[:, i], points=points, max_gap=gap)
                     for name, values in columns.items()
                 }
-                for i, axis in enumerate(AXES)
+                for i, axis in enumerate('xyz')
             },
             'where': failure_map(run, run.residual(sensor), floors[sensor]),
         }

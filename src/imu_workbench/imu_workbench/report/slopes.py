@@ -15,7 +15,7 @@ from imu_recording.recording import FloatArray, ImuRecording
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-BLOCKS = 5
+BLOCKS_WITHOUT_CYCLES = 5
 """Number of contiguous blocks in place of cycles where a recording has none."""
 LEAST_SPAN_K = 5.0
 """Temperature span [K] that a block needs for a slope."""
@@ -104,8 +104,8 @@ def _blocks(recording: ImuRecording, used: NDArray[np.bool_]) -> list[NDArray[np
     if recording.cycle is not None and (recording.cycle > 0).any():
         numbers = np.unique(recording.cycle[recording.cycle > 0])
         return [used & (recording.cycle == number) for number in numbers]
-    place = np.linspace(0, BLOCKS, len(recording), endpoint=False).astype(int)
-    return [used & (place == number) for number in range(BLOCKS)]
+    place = np.linspace(0, BLOCKS_WITHOUT_CYCLES, len(recording), endpoint=False).astype(int)
+    return [used & (place == number) for number in range(BLOCKS_WITHOUT_CYCLES)]
 
 
 def _slope(temperature: FloatArray, values: FloatArray) -> FloatArray | None:

@@ -23,7 +23,7 @@ from imu_workbench.parallel import run_tasks
 from imu_workbench.simulate.campaign import Logging, prepare_campaign, record_campaign
 from imu_workbench.simulate.hidden_effect import TRUTH_FILE
 
-FLEET = 'fleet'
+FLEET_KIND = 'fleet'
 """`kind` in the truth file of a fleet."""
 
 
@@ -99,7 +99,7 @@ def write_fleet(plan: FleetPlan, folder: Path, workers: int) -> int:
     devices = {found.pop('name'): found for found in run_tasks(tasks, workers)}
     content = {
         'schema': 1,
-        'kind': FLEET,
+        'kind': FLEET_KIND,
         'profile': plan.profile,
         'seed': plan.seed,
         'lots': {
@@ -125,7 +125,7 @@ def fleet_truth(folder: Path) -> Mapping[str, Any] | None:
         content: Any = json.loads(file.read_text('utf-8'))
     except ValueError as error:
         raise UserError(f'{file}: not what `simulate` writes ({error})') from None
-    return content if isinstance(content, dict) and content.get('kind') == FLEET else None
+    return content if isinstance(content, dict) and content.get('kind') == FLEET_KIND else None
 
 
 def score_fleet(found: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:

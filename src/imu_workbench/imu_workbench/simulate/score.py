@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-ALARMS = ('effect', 'unexplained', 'unlogged')
+ALARM_KINDS = ('effect', 'unexplained', 'unlogged')
 """Kinds of finding that must not appear where nothing is hidden."""
 VERDICTS = {
     'named': 'right: it is named first',
@@ -68,11 +68,11 @@ def score_diagnosis(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> S
     findings: Sequence[Mapping[str, Any]] = diagnosis['findings']
     reported = tuple(describe(finding) for finding in findings)
     if truth['kind'] == 'nothing':
-        alarms = [finding for finding in findings if finding['kind'] in ALARMS]
+        alarms = [finding for finding in findings if finding['kind'] in ALARM_KINDS]
         return Score('wrong' if alarms else 'named', True, reported)
     fitting = [k for k, finding in enumerate(findings) if fits(truth, finding)]
     if not fitting:
-        others = any(finding['kind'] in (*ALARMS, 'data_quality') for finding in findings)
+        others = any(finding['kind'] in (*ALARM_KINDS, 'data_quality') for finding in findings)
         return Score('wrong' if others else 'missed', False, reported)
     best = fitting[0]
     first = best == 0 and not _only_as_rival(truth, findings[best])

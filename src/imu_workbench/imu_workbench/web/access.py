@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 from urllib.parse import parse_qs
 
-COOKIE = 'imu_workbench_token'
+COOKIE_NAME = 'imu_workbench_token'
 LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
 REFUSED_TOKEN = (
     b'<!doctype html><meta charset="utf-8"><title>IMU workbench</title>'
@@ -126,7 +126,7 @@ def token_in(header: str) -> str:
     'secret'
     """
     pairs = (part.strip().partition('=') for part in header.split(';'))
-    return next((value for name, _, value in pairs if name == COOKIE), '')
+    return next((value for name, _, value in pairs if name == COOKIE_NAME), '')
 
 
 def with_cookie(send: Any, token: str) -> Any:
@@ -136,7 +136,7 @@ def with_cookie(send: Any, token: str) -> Any:
 
 async def _send_with_cookie(send: Any, token: str, message: Any) -> None:
     if message['type'] == 'http.response.start':
-        value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
+        value = f'{COOKIE_NAME}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
         message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
     await send(message)
 

@@ -20,8 +20,8 @@ from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.page import Page
 from imu_workbench.web.work.workspace import Workspace
 
-STYLES = ('base.css', 'theme.css')
-SCRIPTS = ('watching.js', 'cells.js', 'cursor.js', 'focus.js', 'saving.js')
+STYLE_FILES = ('base.css', 'theme.css')
+SCRIPT_FILES = ('watching.js', 'cells.js', 'cursor.js', 'focus.js', 'saving.js')
 RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
 
@@ -38,8 +38,8 @@ async def serve(
     outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     outer.add_middleware(AccessCheck, token=token)
     here = files('imu_workbench') / 'web'
-    look = ''.join((here / name).read_text('utf-8') for name in STYLES)
-    scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
+    look = ''.join((here / name).read_text('utf-8') for name in STYLE_FILES)
+    scripts = [(here / name).read_text('utf-8') for name in SCRIPT_FILES]
 
     @ui.page('/', response_timeout=30.0)  # type: ignore[untyped-decorator]
     def _page(request: Request) -> None:

@@ -30,7 +30,7 @@ from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, Wo
 from imu_workbench.web.fleet import FleetView
 from imu_workbench.web.plot import Look
 from imu_workbench.web.redraw import Redraw
-from imu_workbench.web.session import SHOWN, Session, Shown
+from imu_workbench.web.session import PAGE_VIEWS, Session, Shown
 from imu_workbench.web.work.workspace import Workspace
 
 PHONE_WIDTH_PX = 640
@@ -126,7 +126,7 @@ class Page:
                 shown: ui.button(
                     shown.capitalize(), on_click=lambda _, shown=shown: self._switch(shown)
                 )
-                for shown in SHOWN
+                for shown in PAGE_VIEWS
             }
             for button in self._views.values():
                 button.props('no-caps flat')

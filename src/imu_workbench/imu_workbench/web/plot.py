@@ -14,10 +14,10 @@ from imu_workbench.report.figures.palette import painted
 from imu_workbench.report.figures.panels import Figure
 from imu_workbench.web.words import with_help
 
-UNUSED = ['select2d', 'lasso2d', 'autoScale2d', 'toImage']
-CONFIG = {
+REMOVED_BUTTONS = ['select2d', 'lasso2d', 'autoScale2d', 'toImage']
+PLOTLY_CONFIG = {
     'displaylogo': False,
-    'modeBarButtonsToRemove': [*UNUSED, 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d'],
+    'modeBarButtonsToRemove': [*REMOVED_BUTTONS, 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d'],
 }
 """Options of plotly.js: dragging zooms and, with Shift, moves, which needs no buttons."""
 
@@ -55,9 +55,12 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
         if key.startswith('yaxis') and 'overlaying' not in axis:
             layout[key]['automargin'] = True
     layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
-    config = CONFIG
+    config = PLOTLY_CONFIG
     if look.narrow or look.touch:
-        config = CONFIG | {'displayModeBar': not look.narrow, 'modeBarButtonsToRemove': UNUSED}
+        config = PLOTLY_CONFIG | {
+            'displayModeBar': not look.narrow,
+            'modeBarButtonsToRemove': REMOVED_BUTTONS,
+        }
     options = {'data': data, 'layout': layout, 'config': config}
     result: dict[str, Any] = painted(options, look.theme)
     return result

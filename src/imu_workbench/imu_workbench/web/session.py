@@ -17,7 +17,7 @@ from imu_workbench.web.work.device_work import DeviceWork
 from imu_workbench.web.work.workspace import Workspace
 
 Shown = Literal['case', 'fleet', 'live']
-SHOWN: tuple[Shown, ...] = ('case', 'fleet', 'live')
+PAGE_VIEWS: tuple[Shown, ...] = ('case', 'fleet', 'live')
 """Views of the page; the address names all but the first."""
 
 
@@ -39,7 +39,7 @@ class Session:
 
     def follow(self, query: Mapping[str, str]) -> None:
         """Take over the choices in an address; those it leaves open are made later."""
-        self.shown = next((s for s in SHOWN if query.get(s) == '1'), 'case')
+        self.shown = next((s for s in PAGE_VIEWS if query.get(s) == '1'), 'case')
         self.device = query.get('device', '')
         self.version_name = query.get('version', '')
         self.candidate = query.get('candidate', '')

@@ -59,3 +59,12 @@ def word(text: str, meant: str = '') -> str:
 def with_help(title: str) -> str:
     """Return HTML of a title whose technical words explain themselves, each once."""
     return WORD_PATTERN.sub(lambda found: word(found.group()), title)
+
+
+def spaced(text: str) -> str:
+    """Return a text with the names of effects and sensors in it as words.
+
+    >>> spaced('thermal_lag of the gyroscope')
+    'thermal lag of the gyroscope'
+    """
+    return text.replace('_', ' ')

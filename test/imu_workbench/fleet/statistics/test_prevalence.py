@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
-from imu_workbench.fleet.statistics.prevalence import SHARES, joint_evidence
+from imu_workbench.fleet.statistics.prevalence import DEVICE_SHARES, joint_evidence
 
 
 def test_thirty_devices_name_what_none_shows_alone() -> None:
@@ -15,6 +15,6 @@ def test_thirty_devices_name_what_none_shows_alone() -> None:
     assert np.median(single.max(axis=2)) < 3.0
     assert joint.max() > 5.0
     weight = np.exp(joint - joint.max()).sum(axis=(0, 1))
-    assert 0.5 < weight @ SHARES / weight.sum() < 1.0
+    assert 0.5 < weight @ DEVICE_SHARES / weight.sum() < 1.0
     nothing, _ = joint_evidence(draw.chisquare(3, (30, 1)), 3)
     assert np.log(np.exp(nothing).mean()) < 0.0

@@ -54,7 +54,7 @@ def test_every_axis_has_a_unit_and_few_points(state: LiveState, window_s: float)
         for axis in axes.values():
             assert re.search(r'\[.+\]$', axis['title']['text'])
         for trace in figure['data']:
-            assert len(trace['x']) == len(trace['y']) <= figures.POINTS
+            assert len(trace['x']) == len(trace['y']) <= figures.LINE_POINTS
             assert all(map(math.isfinite, trace['y']))
             assert f'{trace["yaxis"][:1]}axis{trace["yaxis"][1:]}' in axes
         assert json.loads(json.dumps(figure)) == figure

@@ -21,7 +21,7 @@ from imu_recording.recording import FloatArray
 
 from imu_workbench.fleet.statistics.vectors import Vectors
 
-ITERATIONS = 500
+MOST_ITERATIONS = 500
 TOLERANCE = 1e-6
 """EM ends where the mean moves by less, in standard deviations, and Σ by less of itself."""
 LEAST_DEVICES = 5
@@ -115,7 +115,7 @@ def fit_population(
     y, noise = values / scale, noise / np.outer(scale, scale)
     mean, sigma = y.mean(axis=0), np.cov(y.T) + 1e-9 * np.eye(y.shape[1])
     of_mean = np.zeros_like(sigma)
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         weight = np.linalg.inv(sigma + noise)
         of_mean = np.linalg.inv(weight.sum(axis=0))
         moved = of_mean @ np.einsum('nij,nj->i', weight, y)

@@ -21,9 +21,9 @@ from scipy.special import logsumexp
 
 from imu_workbench.fleet.table import FleetTable
 
-SHARES = np.linspace(0.025, 1.0, 40)
+DEVICE_SHARES = np.linspace(0.025, 1.0, 40)
 """Grid of π, each as probable as the next."""
-RATIOS = np.geomspace(0.25, 1e5, 24)
+VARIANCE_RATIOS = np.geomspace(0.25, 1e5, 24)
 """Grid of g."""
 NAMED_PROBABILITY = 0.95
 """Probability from which an effect is named."""
@@ -65,10 +65,11 @@ def joint_evidence(delta_chi2: FloatArray, degrees: int) -> tuple[FloatArray, Fl
     `delta_chi2` (n, forms) is what each form takes up of a device, with `degrees` of freedom.
     """
     single = (
-        delta_chi2[:, :, None] * (RATIOS / (1.0 + RATIOS)) / 2.0 - degrees * np.log1p(RATIOS) / 2.0
+        delta_chi2[:, :, None] * (VARIANCE_RATIOS / (1.0 + VARIANCE_RATIOS)) / 2.0
+        - degrees * np.log1p(VARIANCE_RATIOS) / 2.0
     )
-    joint = np.empty((*single.shape[1:], len(SHARES)))
-    for k, share in enumerate(SHARES):
+    joint = np.empty((*single.shape[1:], len(DEVICE_SHARES)))
+    for k, share in enumerate(DEVICE_SHARES):
         mixed = np.logaddexp(np.log1p(-share) if share < 1.0 else -np.inf, np.log(share) + single)
         joint[:, :, k] = mixed.sum(axis=0)
     return joint, single
@@ -129,17 +130,17 @@ def _of_effect(
     share = weight.sum(axis=(0, 1))
     below = np.cumsum(share)
     form, rest = divmod(int(np.argmax(joint)), joint[0].size)
-    ratio = rest // len(SHARES)
+    ratio = rest // len(DEVICE_SHARES)
     return Prevalence(
         *where,
         form=forms[form],
         devices=len(delta_chi2),
         evidence=evidence,
         probability=0.0,
-        share=float(share @ SHARES),
+        share=float(share @ DEVICE_SHARES),
         share_range=(
-            float(SHARES[np.searchsorted(below, 0.05)]),
-            float(SHARES[min(int(np.searchsorted(below, 0.95)), len(SHARES) - 1)]),
+            float(DEVICE_SHARES[np.searchsorted(below, 0.05)]),
+            float(DEVICE_SHARES[min(int(np.searchsorted(below, 0.95)), len(DEVICE_SHARES) - 1)]),
         ),
         alone=int((single[:, form, ratio] > ALONE_LOG_BAYES_FACTOR).sum()),
     )

@@ -30,7 +30,7 @@ estimated and misfits not quite normal."""
 TOGETHER_SHARE = 0.2
 """Share of the coefficients' false alarms for the distance of all three; the rest is for each
 by itself."""
-TRIMMED_SHARE = 1e-3
+TRIMMED_P_VALUE = 1e-3
 """p-value below which a device does not count for location and scatter of its lot."""
 LEAST_DEVICES = 12
 """Devices that a lot needs to be screened."""
@@ -101,7 +101,7 @@ def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     p = np.empty(len(y))
     for _ in range(MOST_ROUNDS):
         p = _left_out(y, kept)
-        grown = p > TRIMMED_SHARE
+        grown = p > TRIMMED_P_VALUE
         if grown.sum() <= y.shape[1] + 2 or (grown == kept).all():
             break
         kept = grown

@@ -32,7 +32,7 @@ MOST_FITTED_DEVICES = 150
 """Devices of a lot the distribution is fitted to."""
 LEAST_DEVICES = 10
 """Four means and their covariance need more than a few devices that carry the effect."""
-ITERATIONS = 100
+MOST_ITERATIONS = 100
 TOLERANCE = 1e-3
 """EM ends where no mean moves by more, in standard deviations of the lot."""
 
@@ -126,7 +126,7 @@ def fit_shapes(evidence: ShapeEvidence, share: float = 0.5) -> ShapeFit:
     mean = np.append(c[:, start].mean(axis=0), x[start])
     spread = np.maximum(c[:, start].var(axis=0) - np.median(v[:, start], axis=0), 0.1)
     covariance = np.diag(np.append(spread, 0.25))
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         moved, covariance, share, score = _step(c, v, x, half_chi2, mean, covariance, share, least)
         change = np.abs(moved - mean) / np.sqrt(np.diag(covariance))
         mean = moved

@@ -31,35 +31,35 @@ from imu_workbench.report.laboratory import Laboratory
 CONFIDENCE_LEVEL = 0.95
 LEAST_STRETCH_SAMPLES = 64
 """Samples that a stretch needs for an Allan deviation."""
-LEAST_SHARE = 0.5
+LEAST_VARIANCE_SHARE = 0.5
 """Share of the variance, at the averaging time where it is largest, from which a coefficient
 has a lower limit."""
 FLICKER_FACTOR = 2.0 * math.log(2.0) / math.pi
-DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * STANDARD_GRAVITY
-ONE_SIDED = math.sqrt(2.0)
+DEG_PER_RAD, S_PER_HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * STANDARD_GRAVITY
+ONE_SIDED_FACTOR = math.sqrt(2.0)
 """Density of one-sided white noise over the deviation of its means over a second."""
 COEFFICIENTS: Mapping[str, Mapping[Sensor, tuple[str, str, float]]] = {
     'random_walk': {
-        'gyroscope': ('angle random walk', '°/√h', DEGREE * 60.0),
+        'gyroscope': ('angle random walk', '°/√h', DEG_PER_RAD * 60.0),
         'accelerometer': ('velocity random walk', 'm/s/√h', 60.0),
         'magnetometer': ('white noise', 'nT·√s', 1e9),
     },
     'bias_instability': {
-        'gyroscope': ('bias instability', '°/h', DEGREE * HOUR),
+        'gyroscope': ('bias instability', '°/h', DEG_PER_RAD * S_PER_HOUR),
         'accelerometer': ('bias instability', 'µg', 1.0 / MICRO_G),
         'magnetometer': ('bias instability', 'nT', 1e9),
     },
     'rate_random_walk': {
-        'gyroscope': ('rate random walk', '°/h/√h', DEGREE * HOUR * 60.0),
+        'gyroscope': ('rate random walk', '°/h/√h', DEG_PER_RAD * S_PER_HOUR * 60.0),
         'accelerometer': ('acceleration random walk', 'µg/√h', 60.0 / MICRO_G),
         'magnetometer': ('random walk', 'nT/√h', 60.0 * 1e9),
     },
 }
 """Name, unit and factor from SI of each coefficient of each sensor."""
 DENSITIES: Mapping[Sensor, tuple[str, str, float]] = {
-    'gyroscope': ('noise density', '°/s/√Hz', DEGREE * ONE_SIDED),
-    'accelerometer': ('noise density', 'µg/√Hz', ONE_SIDED / MICRO_G),
-    'magnetometer': ('noise density', 'nT/√Hz', ONE_SIDED * 1e9),
+    'gyroscope': ('noise density', '°/s/√Hz', DEG_PER_RAD * ONE_SIDED_FACTOR),
+    'accelerometer': ('noise density', 'µg/√Hz', ONE_SIDED_FACTOR / MICRO_G),
+    'magnetometer': ('noise density', 'nT/√Hz', ONE_SIDED_FACTOR * 1e9),
 }
 """The random walk once more, as a datasheet has it: one-sided."""
 
@@ -265,7 +265,7 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
     for k, key in enumerate(COEFFICIENTS):
         best = int(np.argmax(share[:, k]))
         value, degrees = math.sqrt(squares[k]), found.degrees[best]
-        if share[best, k] < LEAST_SHARE:
+        if share[best, k] < LEAST_VARIANCE_SHARE:
             bound = float(most[:, k].min())
             result[key] = (min(value, bound), 0.0, bound)
             continue

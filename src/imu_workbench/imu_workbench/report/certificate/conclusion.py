@@ -15,7 +15,7 @@ from thermal_comp.presentation.display import fixed, shown, with_uncertainty
 
 from imu_workbench.report.analysis import Certified
 
-NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
+DECISION_WORDS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 
 
 def conclusion(
@@ -45,8 +45,8 @@ def conclusion(
     if left:
         text = f'{text}; {left}'
     if decisions:
-        counts = {kind: sum(d['decision'] == kind for d in decisions) for kind in NAMED_STEPS}
-        told = [f'{n} {NAMED_STEPS[kind]}' for kind, n in counts.items() if n]
+        counts = {kind: sum(d['decision'] == kind for d in decisions) for kind in DECISION_WORDS}
+        told = [f'{n} {DECISION_WORDS[kind]}' for kind, n in counts.items() if n]
         text = f'{text}; of {len(decisions)} limits {", ".join(told)}'
     return f'{text}.'
 

@@ -16,8 +16,6 @@ from imu_workbench.report.certificate.joint_design import JointDesign
 from imu_workbench.report.certificate.replicates import Replicates
 from imu_workbench.report.laboratory import Laboratory
 
-AXES = 'xyz'
-
 
 @dataclass(frozen=True, eq=False)
 class Evidence:

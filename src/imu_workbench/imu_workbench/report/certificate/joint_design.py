@@ -19,9 +19,9 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel
 
-WORST_CONDITION = 300.0
+LARGEST_CONDITION = 300.0
 """Condition of scaled columns above which a part of the data determines nothing by itself."""
-LEAST_RESOLVED = 0.99
+LEAST_RESOLUTION = 0.99
 """Diagonal of the resolution matrix from which on rows determine an unknown by themselves."""
 
 
@@ -210,8 +210,8 @@ class JointDesign:
         design = self._centred(self.columns, rows).reshape(-1, count)
         norm = np.sqrt((design**2).sum(axis=0))
         scale = np.where(norm > 0.0, norm, 1.0)
-        inverse = np.linalg.pinv(design / scale, rcond=1.0 / WORST_CONDITION)
-        told = (norm > 0.0) & (np.diag(inverse @ (design / scale)) > LEAST_RESOLVED)
+        inverse = np.linalg.pinv(design / scale, rcond=1.0 / LARGEST_CONDITION)
+        told = (norm > 0.0) & (np.diag(inverse @ (design / scale)) > LEAST_RESOLUTION)
         return inverse / scale[:, None], told
 
     def _centred(self, values: FloatArray, rows: NDArray[np.bool_]) -> FloatArray:

@@ -24,7 +24,7 @@ from imu_workbench.report.certificate.budget import (
     budget_of,
     scatter_inputs,
 )
-from imu_workbench.report.certificate.evidence import AXES, Evidence
+from imu_workbench.report.certificate.evidence import Evidence
 from imu_workbench.report.certificate.joint_design import JointDesign
 from imu_workbench.report.certificate.references import reference_of_bias, reference_of_unknown
 from imu_workbench.report.certificate.replicates import replicates
@@ -148,7 +148,7 @@ def biases(evidence: Evidence) -> Iterator[Quantity]:
             [*warmth, *inputs, *scatter, form],
             [*unknown, *missing, *untold],
         )
-        yield Quantity(evidence.sensor, AXES[axis], 'bias', budget)
+        yield Quantity(evidence.sensor, 'xyz'[axis], 'bias', budget)
 
 
 def temperature_inputs(evidence: Evidence, *, span: bool) -> tuple[list[Input], list[Uncounted]]:
@@ -235,7 +235,7 @@ def coefficients_of(evidence: Evidence) -> Iterator[Fitted]:
                     changes, run = repeated[:, axis] - value, evidence.repeated.run
                 yield Fitted(
                     name='slope' if linear else label,
-                    axis='all' if shared else AXES[axis],
+                    axis='all' if shared else 'xyz'[axis],
                     unit=units[column],
                     value=value,
                     noise=float(deviation[unknown]),

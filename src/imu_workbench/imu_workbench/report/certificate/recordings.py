@@ -23,7 +23,7 @@ LOSS_WORDS = (
 """Words of those notes on reading that are about loss or damage."""
 MOST_LOSSES = 4
 """Notes of loss on the first page; the annex has all."""
-NOTE_LENGTH = 140
+NOTE_CHARACTERS = 140
 """Characters of a note on the first page."""
 GAP_PERIODS = 3.0
 """Distance of rows from which it is a gap, in periods."""
@@ -50,7 +50,7 @@ def losses(recordings: Sequence[ImuRecording]) -> list[str]:
     for recording in recordings:
         told = [note for note in recording.notes if any(word in note for word in LOSS_WORDS)]
         for note in [*told, *gaps(recording)]:
-            found.setdefault(shorten(note, NOTE_LENGTH, placeholder=' …'), []).append(
+            found.setdefault(shorten(note, NOTE_CHARACTERS, placeholder=' …'), []).append(
                 recording.run
             )
     texts = [f'{note} ({", ".join(runs)})' for note, runs in found.items()]

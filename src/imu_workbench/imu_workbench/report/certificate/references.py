@@ -14,7 +14,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 
 from imu_workbench.report.certificate.budget import Input, Uncounted
-from imu_workbench.report.certificate.evidence import AXES, Evidence
+from imu_workbench.report.certificate.evidence import Evidence
 from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
 
 NEGLIGIBLE_SHARE = 1e-6
@@ -38,7 +38,7 @@ def reference_of_bias(
     if evidence.sensor != 'accelerometer' or not all(evidence.up_axes):
         return [], {}, [], []
     gravity, spread, _ = evidence.laboratory.gravity
-    level = [r for r, up in enumerate(evidence.up_axes) if up[1] != AXES[axis]]
+    level = [r for r, up in enumerate(evidence.up_axes) if up[1] != 'xyz'[axis]]
     if level:
         tilt = evidence.laboratory.tilt
         if tilt is None:

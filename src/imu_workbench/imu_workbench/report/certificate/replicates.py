@@ -12,7 +12,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import SensorModel
 
-from imu_workbench.report.certificate.joint_design import WORST_CONDITION, modelled
+from imu_workbench.report.certificate.joint_design import LARGEST_CONDITION, modelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def _solved(columns: FloatArray, values: FloatArray) -> FloatArray | None:
         return None
     centre = columns.mean(axis=0)
     scaled = (columns - centre) / spread
-    if columns.shape[1] and np.linalg.cond(scaled) > WORST_CONDITION:
+    if columns.shape[1] and np.linalg.cond(scaled) > LARGEST_CONDITION:
         return None
     coefficients = np.linalg.lstsq(scaled, values - values.mean(axis=0), rcond=None)[0]
     coefficients = coefficients / spread[:, None]

@@ -9,9 +9,9 @@ from typing import Any
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
-ANGLES = {'yaw': 'α (yaw)', 'pitch': 'β (pitch)', 'roll': 'γ (roll)'}
+ANGLE_TITLES = {'yaw': 'α (yaw)', 'pitch': 'β (pitch)', 'roll': 'γ (roll)'}
 FILTER_NAMES = {'complementary': 'Complementary filter', 'ahrs': 'AHRS (Kalman)'}
-LOOK = {
+DATA_LOOK = {
     'raw': {'color': '@raw', 'width': 1.1},
     'compensated': {'color': '@model', 'width': 1.5},
 }
@@ -21,17 +21,16 @@ def attitude_figure(series: Mapping[str, Any], shown_data: Sequence[str]) -> Fig
     """Return the three Euler angles (rows) by filter (columns) for the data that is asked for."""
     data: list[dict[str, Any]] = []
     panels = []
-    for row, (angle, label) in enumerate(ANGLES.items()):
+    for row, (angle, label) in enumerate(ANGLE_TITLES.items()):
         for column, name in enumerate(series):
             index = row * len(series) + column
             data += [
-                curve(series[name][kind][angle], kind, trace_axes(index), **LOOK[kind],
+                curve(series[name][kind][angle], kind, trace_axes(index), **DATA_LOOK[kind],
                       legendgroup=kind, showlegend=index == 0,
                       hovertemplate=f'{label} {kind} %{{y:.2f}}° at %{{x:.2f}} h<extra></extra>')
                 for kind in shown_data
             ]  # fmt: skip
             title = FILTER_NAMES.get(name, name)
-            panels.append(
-                Panel('time [h]' if row == len(ANGLES) - 1 else '', f'{label} [°]', title=title)
-            )  # fmt: skip
+            below = 'time [h]' if row == len(ANGLE_TITLES) - 1 else ''
+            panels.append(Panel(below, f'{label} [°]', title=title))
     return figure(data, panels, columns=len(series), height=150)

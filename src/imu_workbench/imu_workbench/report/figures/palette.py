@@ -87,6 +87,7 @@ COLOURS: dict[str, dict[str, str]] = {
 }
 
 AXES = ('x', 'y', 'z')
+"""Tokens of the colours of the axes, and their names."""
 
 
 def device_colour(index: int) -> str:

@@ -15,15 +15,15 @@ from thermal_comp.presentation.display import DISPLAY_UNITS
 from imu_workbench.report.figures.measured import TRACK_LOOK
 from imu_workbench.report.figures.palette import COLOURS
 
-SIZE_INCHES = (7.1, 7.6)
+RUN_SIZE_INCHES = (7.1, 7.6)
 ALLAN_SIZE_INCHES = (7.1, 2.3)
-STYLE: Any = {
+MATPLOTLIB_STYLE: Any = {
     'svg.fonttype': 'none',
     'font.size': 7.5,
     'font.family': 'DejaVu Sans',
     'svg.hashsalt': '',
 }
-LIGHT = COLOURS['light']
+LIGHT_COLOURS = COLOURS['light']
 LINE_STYLES = {None: '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
 """Plotly's dash → matplotlib's."""
 
@@ -33,22 +33,22 @@ def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) ->
 
     `plan` is that of a recording's content, `residuals` those of the run in a certificate.
     """
-    with rc_context(STYLE):
-        figure = Figure(figsize=SIZE_INCHES, layout='constrained')
+    with rc_context(MATPLOTLIB_STYLE):
+        figure = Figure(figsize=RUN_SIZE_INCHES, layout='constrained')
         panels = figure.subplots(1 + len(residuals), 1, sharex=True, squeeze=False)[:, 0]
         for label, track in (plan or {'tracks': {}})['tracks'].items():
             look = TRACK_LOOK[label]
             panels[0].plot(
                 _numbers(track['x']), _numbers(track['y']), linewidth=0.8, label=label,
-                color=LIGHT[look['color'].removeprefix('@')],
+                color=LIGHT_COLOURS[look['color'].removeprefix('@')],
                 linestyle=LINE_STYLES[look.get('dash')],
             )  # fmt: skip
         panels[0].set_ylabel('temperature [°C]')
         for panel, (sensor, found) in zip(panels[1:], residuals.items(), strict=True):
             for axis, line in found['axes'].items():
                 panel.plot(
-                    _numbers(line['x']), _numbers(line['y']), linewidth=0.6, color=LIGHT[axis],
-                    label=axis,
+                    _numbers(line['x']), _numbers(line['y']), linewidth=0.6, label=axis,
+                    color=LIGHT_COLOURS[axis],
                 )  # fmt: skip
             floor = max(found['floor'])
             panel.axhspan(
@@ -68,15 +68,21 @@ def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) ->
 
 def allan_picture(curves: Mapping[str, Mapping[str, Any]]) -> str:
     """Return SVG of the Allan deviation in a certificate, a panel per sensor."""
-    with rc_context(STYLE):
+    with rc_context(MATPLOTLIB_STYLE):
         figure = Figure(figsize=ALLAN_SIZE_INCHES, layout='constrained')
         panels = figure.subplots(1, len(curves), squeeze=False)[0]
         for panel, (sensor, found) in zip(panels, curves.items(), strict=True):
             for axis, line in found.items():
                 tau, low, high = (_numbers(line[key]) for key in ('tau', 'low', 'high'))
-                panel.fill_between(tau, low, high, color=LIGHT[f'{axis}_soft'], alpha=0.5, lw=0)
+                panel.fill_between(
+                    tau, low, high, color=LIGHT_COLOURS[f'{axis}_soft'], alpha=0.5, lw=0
+                )
                 panel.loglog(
-                    tau, _numbers(line['deviation']), linewidth=0.9, color=LIGHT[axis], label=axis
+                    tau,
+                    _numbers(line['deviation']),
+                    linewidth=0.9,
+                    color=LIGHT_COLOURS[axis],
+                    label=axis,
                 )
             panel.set_title(f'{sensor.capitalize()} [{DISPLAY_UNITS[sensor].unit}]', fontsize=7.5)
             panel.set_xlabel('averaging time [s]')

@@ -16,9 +16,9 @@ SHOWN_DATA = {
     'raw': ('raw',),
     'compensated': ('compensated',),
 }
-TABLES = {'raw': 'VI', 'compensated': 'VII'}
+PAPER_TABLE_OF_DATA = {'raw': 'VI', 'compensated': 'VII'}
 EULER = ('yaw', 'pitch', 'roll')
-ROTATIONS = ('rotation', 'heading', 'inclination')
+ROTATION_ANGLES = ('rotation', 'heading', 'inclination')
 PUBLISHED_ANGLES = ('alpha', 'beta', 'gamma')
 
 
@@ -45,7 +45,7 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
                 'rows': angle_rows(runs, data),
                 'published': published_rows(content['published_attitudes'], data) if paper else [],
             }
-            for data, name in TABLES.items()
+            for data, name in PAPER_TABLE_OF_DATA.items()
         ],
         'factors': factors,
         'cycle_factors': cycle_factors,
@@ -76,7 +76,7 @@ def cycle_rows(runs: Sequence[Mapping[str, Any]]) -> list[Row]:
         [f'{_label(run, found["filter"])}, {found["data"]}, {part["part"]}', *_cells(part)]
         for run in runs
         for found in run['filters']
-        if found['data'] in TABLES
+        if found['data'] in PAPER_TABLE_OF_DATA
         for part in found['statistics'][1:]
     ]
 
@@ -132,4 +132,6 @@ def _cells(part: Mapping[str, Any]) -> list[str]:
     if 'mean' not in part:
         return ['–'] * 12
     cells = [fixed(part[kind][angle], 3) for angle in EULER for kind in ('mean', 'std')]
-    return cells + [fixed(part[kind][a], 3) for a in ROTATIONS for kind in ('std', 'largest')]
+    return cells + [
+        fixed(part[kind][a], 3) for a in ROTATION_ANGLES for kind in ('std', 'largest')
+    ]

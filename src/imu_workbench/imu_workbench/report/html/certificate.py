@@ -20,7 +20,7 @@ RESULTS_PER_ROW = 3
 """Results shared by the axes that stand in one row."""
 ROWS_OF_A_PAGE = 12
 """Rows of results from which on they begin on the first page."""
-DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
+DECISION_WORDS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
 
 
 def certificate_section(found: Mapping[str, Any]) -> Section:
@@ -233,11 +233,11 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
         width = one['deciding']
         by = '' if width is None else f', w {shown(width * factor)}'
         axis = '' if one['axis'] == 'all' else f'{one["axis"]}: '
-        row.append(f'{axis}{DECISIONS[one["decision"]]}{by}')
+        row.append(f'{axis}{DECISION_WORDS[one["decision"]]}{by}')
     return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
 
 
-WORDS = {'does not act': '–', 'none seen': '0'}
+BUDGET_WORDS = {'does not act': '–', 'none seen': '0'}
 """Text in a budget where a source gives no contribution; other words stay."""
 
 
@@ -275,7 +275,7 @@ def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
     cells = [
         f'{shown(rows[s]["contribution"] * factor, 2)} ({fixed(rows[s]["share"], 0)} %)'
         if s in rows
-        else WORDS.get(word := quantity['others'].get(s, 'does not act'), word)
+        else BUDGET_WORDS.get(word := quantity['others'].get(s, 'does not act'), word)
         for s in sources
     ]
     axis = '' if quantity['axis'] == 'all' else f' {quantity["axis"]}'

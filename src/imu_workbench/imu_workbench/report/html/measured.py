@@ -14,7 +14,7 @@ from imu_workbench.report.html.render import Row, Section, figure_of_paper
 DECIMALS = {'°/s': 3, 'm/s²': 3, 'µT': 2}
 """Decimals of Tables III–V: one more than the paper prints for the two inertial sensors."""
 PAPER_DECIMALS = 2
-TRACKS = {
+TRACK_CAPTIONS = {
     'set-point': 'set-point as programmed',
     'chamber air': 'air as the chamber measures it',
     'thermocouple on the device': 'thermocouple on the device',
@@ -36,7 +36,7 @@ def plan_section(content: Mapping[str, Any]) -> Section | None:
         'cycles': first['cycles'],
         'hours': fixed(first['duration_h'], 2),
         'dwells': any(leg['phase'].startswith('dwell') for leg in first['phases']),
-        'tracks': ', '.join(TRACKS[name] for name in TRACKS if name in drawn),
+        'tracks': ', '.join(TRACK_CAPTIONS[name] for name in TRACK_CAPTIONS if name in drawn),
         'paper_hours': shown(first['paper_duration_h'], 2),
         'overheating': overheating_rows(content),
         'figure': figure_of_paper(content, 1),

@@ -26,7 +26,7 @@ from imu_workbench.report.html.measured import has_cycles
 from imu_workbench.report.html.render import Row, Section, figure_of_paper
 from imu_workbench.report.model_content import in_words
 
-ERRORS = {
+ERROR_COLUMNS = {
     'measured_rms': 'measured',
     'residual_rms': 'residual',
     'held_out_rms': 'held out',
@@ -171,7 +171,7 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
             }
             for name, found in content['comparison'].items()
         ],
-        'columns': list(ERRORS.values()),
+        'columns': list(ERROR_COLUMNS.values()),
         'choices': {'Run': list(residuals), 'Sensor': _sensors_of(residuals)},
         'chosen': worst_channel(content),
         'added': '; '.join(
@@ -188,7 +188,10 @@ def error_rows(found: Mapping[str, Any]) -> list[Row]:
     return [
         [
             f'{sensor.capitalize()} {axis}',
-            *(shown(_times(part[name][i], DISPLAY_UNITS[sensor].factor)) for name in ERRORS),
+            *(
+                shown(_times(part[name][i], DISPLAY_UNITS[sensor].factor))
+                for name in ERROR_COLUMNS
+            ),
             DISPLAY_UNITS[sensor].unit,
             shown(part['r_squared'][i], 4),
             PHASE_NAMES.get(part['worst_phase'], '–'),

@@ -18,9 +18,9 @@ from markupsafe import Markup
 from imu_workbench.report.figures.palette import COLOURS
 from imu_workbench.report.figures.panels import Figure
 
-SHORTEST_PACKED = 24
+LEAST_PACKED_LENGTH = 24
 """Length from which a list of numbers is packed into binary."""
-NUMBERS = frozenset({float, int, type(None)})
+PACKED_ITEM_TYPES = frozenset({float, int, type(None)})
 """Types of the items of a list that may be packed."""
 Row = list[str]
 """Cells of a table's row as text; the first is the row's heading."""
@@ -99,7 +99,7 @@ def packed(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: packed(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        if len(value) >= SHORTEST_PACKED and NUMBERS.issuperset(map(type, value)):
+        if len(value) >= LEAST_PACKED_LENGTH and PACKED_ITEM_TYPES.issuperset(map(type, value)):
             numbers = np.array(value, dtype=np.float32)
             return {'dtype': 'f4', 'bdata': base64.b64encode(numbers.tobytes()).decode()}
         return [packed(item) for item in value]

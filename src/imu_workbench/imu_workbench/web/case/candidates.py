@@ -23,7 +23,7 @@ from imu_workbench.answer import plain
 
 LEAST_SHOWN_PROBABILITY = 0.005
 """Probability below which "< 1 %" is shown."""
-HELD_OUT_AT_FIRST = 5
+HELD_OUT_CANDIDATES = 5
 """Candidates of a sensor whose held-out error is computed without being asked for."""
 
 
@@ -84,7 +84,7 @@ def asks_for_errors(
     candidates: Mapping[str, Sequence[Mapping[str, Any]]], sensors: Iterable[str]
 ) -> bool:
     """Tell whether held-out errors of the most probable candidates are still to be computed."""
-    first = (row for sensor in sensors for row in candidates.get(sensor, ())[:HELD_OUT_AT_FIRST])
+    first = (row for sensor in sensors for row in candidates.get(sensor, ())[:HELD_OUT_CANDIDATES])
     return any(row['error_after'] is None for row in first)
 
 
@@ -100,7 +100,7 @@ def with_errors(
     missing = [
         (sensor, row)
         for sensor in rows
-        for row in rows[sensor][:HELD_OUT_AT_FIRST]
+        for row in rows[sensor][:HELD_OUT_CANDIDATES]
         if row['error_after'] is None and sensor in model.sensors
     ]
     for number, (sensor, row) in enumerate(missing):

@@ -20,7 +20,7 @@ from imu_workbench.web.case.candidates import LEAST_SHOWN_PROBABILITY, EffectCan
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
-from imu_workbench.web.words import word
+from imu_workbench.web.words import spaced, word
 
 LEAST_JOINT_PROBABILITY = 0.05
 """Probability of explanations with several effects from which all explanations are listed."""
@@ -156,7 +156,7 @@ class Rail:
         winner = next((c for c in useful if c.named), None)
         named = [c.effect for c in useful if c.named]
         for candidate in useful:
-            beside = [_spaced(name) for name in named if name != candidate.effect]
+            beside = [spaced(name) for name in named if name != candidate.effect]
             self._card(candidate, winner, beside, version, preview)
         rest = [c for c in candidates if c not in useful]
         if not useful:
@@ -172,7 +172,7 @@ class Rail:
         version: Version,
         preview: EffectPreview | None,
     ) -> None:
-        name = _spaced(candidate.effect)
+        name = spaced(candidate.effect)
         on = self._session.candidate == candidate.effect
         with (
             ui.element('article')
@@ -207,7 +207,7 @@ class Rail:
 
     def _offer(self, candidate: EffectCandidate, *, on: bool, add: str) -> None:
         do, effect, sensor = self._actions, candidate.effect, candidate.sensor
-        name = _spaced(effect)
+        name = spaced(effect)
         with ui.row().classes('actions small'):
             for key, label, act in (
                 ('preview', 'Hide' if on else 'Preview', partial(do.preview, effect)),
@@ -232,7 +232,7 @@ class Rail:
             for candidate in rest:
                 on = self._session.candidate == candidate.effect
                 with ui.element('div').classes('other on' if on else 'other'):
-                    ui.label(_spaced(candidate.effect)).classes('other-name')
+                    ui.label(spaced(candidate.effect)).classes('other-name')
                     ui.label(little_text(candidate, before)).classes('reason')
                     self._offer(candidate, on=on, add='Add anyway')
 
@@ -247,7 +247,7 @@ class Rail:
             ui.label('In the model:').classes('soft')
             for name in inside:
                 with ui.element('span').classes('term'):
-                    ui.label(_spaced(name))
+                    ui.label(spaced(name))
                     removable = name in effects and effects[name]['searched']
                     if removable:
                         button = ui.element('button').classes('close').props('type=button')
@@ -263,7 +263,7 @@ class Rail:
         reasons: dict[str, list[str]] = {}
         for name, reason in (work.unusable if work else {}).items():
             if name in effects and sensor in effects[name]['sensors']:
-                reasons.setdefault(reason, []).append(_spaced(name))
+                reasons.setdefault(reason, []).append(spaced(name))
         for reason, names in reasons.items():
             ui.label(f'Cannot be tried: {", ".join(names)}: {reason}.').classes('reason')
 
@@ -277,7 +277,7 @@ def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str
     own = [one for one in explanations if one['sensor'] == sensor]
     if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT_PROBABILITY:
         return ''
-    rows = [(_spaced(explanation_name(one)), one['probability']) for one in own]
+    rows = [(spaced(explanation_name(one)), one['probability']) for one in own]
     rest = 1.0 - sum(probability for _, probability in rows)
     rows += [('anything else', rest)] if rest >= LEAST_SHOWN_PROBABILITY else []
     items = ''.join(
@@ -289,10 +289,6 @@ def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str
         '<p class="reason">Beside an effect below stands what all explanations it is part of have '
         'together: effects that act together do not share 100 %.</p></div>'
     )
-
-
-def _spaced(text: str) -> str:
-    return text.replace('_', ' ')
 
 
 def probability_text(probability: float | None) -> str:

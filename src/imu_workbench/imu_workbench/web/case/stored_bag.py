@@ -13,7 +13,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from thermal_comp.data.motion import motion_of
 
-TEXTS = ('frame_id', 'device', 'run', 'up_axis', 'profile', 'namespace', 'source')
+TEXT_FIELDS = ('frame_id', 'device', 'run', 'up_axis', 'profile', 'namespace', 'source')
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def store_recording(
         column = getattr(recording, item.name)
         if isinstance(column, np.ndarray):
             np.save(folder / f'{item.name}.npy', column)
-    described: dict[str, Any] = {name: getattr(recording, name) for name in TEXTS}
+    described: dict[str, Any] = {name: getattr(recording, name) for name in TEXT_FIELDS}
     described |= {'notes': list(recording.notes), 'unplaced': dict(recording.unplaced)}
     (folder / 'recording.json').write_text(json.dumps(described, ensure_ascii=False), 'utf-8')
     span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9 if len(recording) else 0.0

@@ -16,6 +16,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.case.version import parameter_text
 from imu_workbench.web.case.view import PHASE_LABELS
+from imu_workbench.web.words import spaced
 
 AT_FLOOR_RATIO = 1.05
 """An error up to this ratio to the noise floor counts as explained."""
@@ -115,10 +116,10 @@ def _explanation(findings: Sequence[Mapping[str, Any]], found: Mapping[str, Any]
             'of its own.'
         )
     if first['kind'] == 'changed':
-        return f'The device is no longer what the model says: {_spaced(first["text"])}.'
+        return f'The device is no longer what the model says: {spaced(first["text"])}.'
     rivals = first['ambiguous_with']
     if rivals:
-        names = ' or '.join([_effect(first), *(_spaced(rival) for rival in rivals)])
+        names = ' or '.join([_effect(first), *(spaced(rival) for rival in rivals)])
         return f'{_capital(names)} would explain it; these recordings cannot tell which.'
     named = [f for f in findings if f['kind'] == 'effect']
     verb = 'explains' if len(named) == 1 else 'together explain'
@@ -136,7 +137,7 @@ def _floors_left(sensor: str, found: Mapping[str, Any]) -> float:
 
 def _effect(finding: Mapping[str, Any]) -> str:
     """Return an effect with its parameters ±, 'thermal lag, 74.0 ± 1.0 s'; several by name."""
-    name = _spaced(finding['name'])
+    name = spaced(finding['name'])
     texts = {
         key: f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
         for key, p in finding['parameters'].items()
@@ -145,7 +146,7 @@ def _effect(finding: Mapping[str, Any]) -> str:
     several = any(isinstance(p['value'], list) for p in finding['parameters'].values())
     if len(texts) == 1 and not several:
         return f'{name}, {next(iter(texts.values()))},'
-    named = ', '.join(f'{_spaced(key)} {text}' for key, text in texts.items())
+    named = ', '.join(f'{spaced(key)} {text}' for key, text in texts.items())
     return f'{name} ({named})' if named else name
 
 
@@ -197,7 +198,7 @@ def data_alerts(found: Mapping[str, Any] | None, notes: Sequence[str]) -> list[s
     for finding in found['findings'] if found else ():
         if finding['kind'] == 'data_quality':
             advice = DEFECT_REMEDIES.get(finding['name'], '')
-            text = _spaced(finding['text'])
+            text = spaced(finding['text'])
             alerts.append(f'{text}: {advice}' if advice else text)
     return list(dict.fromkeys((*alerts, *notes)))
 
@@ -218,7 +219,7 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
                               'effect of your own.')  # fmt: skip
     effect = str(first['name'])
     if effect not in known or effect not in addable:
-        return Action('look', _spaced(first['text']))
+        return Action('look', spaced(first['text']))
     sensors = tuple(s for s in SENSORS if s in first['sensor'].split('+'))
     rivals = [rival for rival in first['ambiguous_with'] if rival in known]
     if rivals:
@@ -230,7 +231,3 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _spaced(text: str) -> str:
-    return text.replace('_', ' ')

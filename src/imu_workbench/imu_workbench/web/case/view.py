@@ -16,7 +16,7 @@ from imu_workbench.web.case.stored_bag import StoredBag
 
 PHASE_LABELS = PHASE_NAMES | {'precondition': 'reference', 'final': 'final'}
 """What a phase is called on the page."""
-RUN_GAP = 0.03
+RUN_GAP_SHARE = 0.03
 """Gap between two runs on the common axis, as a share of all runs together."""
 
 
@@ -115,6 +115,6 @@ def inside_window(
 def timeline_of(bags: Sequence[StoredBag]) -> Timeline:
     """Return the runs of the bags one after the other."""
     lengths = [bag.duration / 3600.0 for bag in bags]
-    gap = RUN_GAP * sum(lengths) if len(bags) > 1 else 0.0
+    gap = RUN_GAP_SHARE * sum(lengths) if len(bags) > 1 else 0.0
     starts = [sum(lengths[:k]) + k * gap for k in range(len(bags))]
     return Timeline(tuple(bag.run for bag in bags), tuple(starts), tuple(lengths))

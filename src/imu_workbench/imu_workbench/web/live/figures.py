@@ -14,7 +14,7 @@ from imu_workbench.report.figures.palette import AXES
 from imu_workbench.report.series import decimated
 from imu_workbench.web.live.readings import (
     SENSOR_TRACKS,
-    TEMPERATURES,
+    TEMPERATURE_TRACKS,
     euler_line,
     line,
     orientation_names,
@@ -22,7 +22,7 @@ from imu_workbench.web.live.readings import (
 )
 from imu_workbench.web.live.state import LiveState
 
-POINTS = 240
+LINE_POINTS = 240
 """Points of a line on the screen, every extreme among them."""
 TEMPERATURE_LOOK = {
     'temperature': ('die', '@temperature', 'solid'),
@@ -73,7 +73,7 @@ def residual_figure(state: LiveState, sensor: str, window_s: float, zero: int) -
 def temperature_figure(state: LiveState, window_s: float) -> dict[str, Any]:
     """Return die, device, air and set-point."""
     data = []
-    for name in TEMPERATURES:
+    for name in TEMPERATURE_TRACKS:
         lines = line(state, name, window_s)
         if len(lines.time):
             label, colour, dash = TEMPERATURE_LOOK[name]
@@ -117,7 +117,7 @@ def _trace(
 ) -> dict[str, Any]:
     """Return one line in the panel-th panel."""
     known = np.isfinite(values)
-    x, y = decimated(time[known], values[known], POINTS)
+    x, y = decimated(time[known], values[known], LINE_POINTS)
     _, seconds = _span(window_s)
     number = '' if panel == 0 else str(panel + 1)
     return {

@@ -23,14 +23,14 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_workbench.web.live.state import LiveState, NodeStatus
-from imu_workbench.web.live.topics import DIAGNOSTICS, ROLES, Topic, assign
+from imu_workbench.web.live.topics import DIAGNOSTIC_ARRAY, ROLES, Topic, assign
 
 ABSORB_PERIOD_S = 0.05
 """Period at which queued messages are decoded [s]."""
 GRAPH_PERIOD_S = 1.0
 """Period at which the ROS graph is read [s]."""
 QUEUE_DEPTH = 1000
-SUBSCRIBED_TYPES = {role.message_type for role in ROLES.values()} | {DIAGNOSTICS}
+SUBSCRIBED_TYPES = {role.message_type for role in ROLES.values()} | {DIAGNOSTIC_ARRAY}
 
 
 @dataclass

@@ -45,7 +45,7 @@ from imu_workbench.web.live.topics import (
 )
 from imu_workbench.web.plot import PlotElement
 
-STYLE = """
+LIVE_CSS = """
 .live-grid { display: grid; gap: 12px; width: 100%;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); }
 .live-body { width: 100%; display: grid; gap: 12px; }
@@ -78,14 +78,14 @@ STYLE = """
 """
 
 
-PERIOD_S = 0.05
+UPDATE_PERIOD_S = 0.05
 """Period of the updates where the browser keeps up [s]."""
-REST_SHARE = 0.15
+PAUSE_RATIO = 0.15
 """Pause after the browser has drawn, in units of the time that took."""
 AWAIT_DRAWN = 'return new Promise(done => requestAnimationFrame(() => setTimeout(done)))'
 DRAW_TIMEOUT_S = 5.0
 """How long the browser may take to draw [s]."""
-WINDOWS = {20.0: '20 s', 120.0: '2 min', 900.0: '15 min', 3600.0: '1 h', 43_200.0: '12 h'}
+WINDOWS_S = {20.0: '20 s', 120.0: '2 min', 900.0: '15 min', 3600.0: '1 h', 43_200.0: '12 h'}
 NO_ROS = (
     'ROS 2 was not found. Source your ROS installation (or install requirements-ros.txt) in the '
     'shell that starts `serve`, then start it again; everything else on this page works without.'
@@ -96,7 +96,7 @@ NO_IMU_HEARD = 'No IMU is heard in ROS_DOMAIN_ID {domain}: start a driver, or pl
 def build_live(container: Any, dark: Callable[[], bool] = lambda: False) -> LivePage:
     """Fill `container` with the live view; `dark` tells which theme the page has."""
     with container:
-        ui.add_css(STYLE)
+        ui.add_css(LIVE_CSS)
         return LivePage(dark)
 
 
@@ -124,7 +124,7 @@ class LivePage:
             for control in (self._sensor, self._window, self._hold, self._zero_button):
                 control.bind_enabled_from(self._body, 'visible')  # nothing else to act on
         ui.timer(0.05, self._start, once=True)
-        self._timer = ui.timer(PERIOD_S, self._tick, active=False)
+        self._timer = ui.timer(UPDATE_PERIOD_S, self._tick, active=False)
 
     async def _start(self) -> None:
         """Start to listen; the libraries of ROS take seconds to load."""
@@ -144,7 +144,7 @@ class LivePage:
             self._device.props('dense outlined').classes('live-device')
             self._sensor = ui.select(list(SENSORS), value=SENSORS[0], label='sensor')
             self._sensor.props('dense outlined')
-            self._window = ui.select(WINDOWS, value=120.0, label='last')
+            self._window = ui.select(WINDOWS_S, value=120.0, label='last')
             self._window.props('dense outlined')
             self._hold = ui.switch('hold')
             self._hold.tooltip('Stop the display; listening goes on')
@@ -209,7 +209,7 @@ class LivePage:
             await ui.run_javascript(AWAIT_DRAWN, timeout=DRAW_TIMEOUT_S)
         except TimeoutError:  # the tab is in the background or gone
             self._drawn, self._plotted = (), {}
-        await asyncio.sleep(REST_SHARE * (time.monotonic() - began))
+        await asyncio.sleep(PAUSE_RATIO * (time.monotonic() - began))
 
     def _update(self) -> bool:
         """Return whether there was anything new to draw."""

@@ -26,7 +26,7 @@ VERDICT_S = 600
 """Length of the newest part that the verdict is on [s]."""
 LEAST_VERDICT_S = 60
 """Least length for a verdict [s]."""
-TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
+TEMPERATURE_TRACKS = ('temperature', 'device', 'air', 'setpoint')
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from imu_workbench.web.live.topic_history import (
 )
 from imu_workbench.web.live.topics import ROLES
 
-COLUMNS: dict[str, tuple[int, ...]] = {
+KEPT_DOUBLES: dict[str, tuple[int, ...]] = {
     'raw': (13, 14, 15, 25, 26, 27),
     'compensated': (13, 14, 15, 25, 26, 27),
     'raw_field': (0, 1, 2),
@@ -37,13 +37,13 @@ COLUMNS: dict[str, tuple[int, ...]] = {
     'device': (0,),
 }
 """Which of a message's doubles are kept."""
-PAIRS = {
+DIFFERENCES = {
     'difference': ('raw', 'compensated'),
     'difference_field': ('raw_field', 'compensated_field'),
 }
 """Raw minus compensated: name → the two roles."""
 FILTERS = ('complementary', 'ahrs')
-ORIENTATION_UNKNOWN = 4
+ORIENTATION_COVARIANCE_INDEX = 4
 """Index of the double that is −1 where an Imu has no orientation (REP-145)."""
 
 
@@ -74,7 +74,7 @@ class LiveState:
         self.restarts = 0
         """How often the stamps went back: a bag that starts again."""
         self._inbox: dict[str, deque[bytes]] = {
-            name: deque(maxlen=MAX_RECENT_ROWS) for name in (*COLUMNS, 'phase')
+            name: deque(maxlen=MAX_RECENT_ROWS) for name in (*KEPT_DOUBLES, 'phase')
         }
         self._waiting: dict[str, Rows] = {}
         self._attitude: dict[str, FloatArray] = {}
@@ -92,16 +92,16 @@ class LiveState:
     def absorb(self) -> None:
         """Decode the messages that have arrived and add them to the tracks."""
         with self.lock:
-            for role in COLUMNS:
+            for role in KEPT_DOUBLES:
                 rows = self._arrived(role)
                 if self.tracks[role].jumped_back(rows):
                     self._clear()
                     self.restarts += 1
                 self.tracks[role].add(rows, self.now())
-                for name, (_, second) in PAIRS.items():
+                for name, (_, second) in DIFFERENCES.items():
                     if role == second:
                         self._waiting[name] = _joined(self._waiting[name], rows)
-            for name in PAIRS:
+            for name in DIFFERENCES:
                 self._subtract(name)
             for data in self._emptied('phase'):
                 self.phase = text_of(data)
@@ -113,24 +113,24 @@ class LiveState:
             if role == 'phase':
                 self.phase = ''
                 return
-            self.tracks[role] = TopicHistory(len(COLUMNS[role]))
-            for name, pair in PAIRS.items():
+            self.tracks[role] = TopicHistory(len(KEPT_DOUBLES[role]))
+            for name, pair in DIFFERENCES.items():
                 if role in pair:
-                    self.tracks[name] = TopicHistory(len(COLUMNS[role]))
-                    self._waiting[name] = Rows.none(len(COLUMNS[role]))
+                    self.tracks[name] = TopicHistory(len(KEPT_DOUBLES[role]))
+                    self._waiting[name] = Rows.none(len(KEPT_DOUBLES[role]))
 
     def _clear(self) -> None:
-        self.tracks = {role: TopicHistory(len(columns)) for role, columns in COLUMNS.items()}
-        for name, (first, _) in PAIRS.items():
-            self.tracks[name] = TopicHistory(len(COLUMNS[first]))
-            self._waiting[name] = Rows.none(len(COLUMNS[first]))
+        self.tracks = {role: TopicHistory(len(columns)) for role, columns in KEPT_DOUBLES.items()}
+        for name, (first, _) in DIFFERENCES.items():
+            self.tracks[name] = TopicHistory(len(KEPT_DOUBLES[first]))
+            self._waiting[name] = Rows.none(len(KEPT_DOUBLES[first]))
 
     def _emptied(self, role: str) -> list[bytes]:
         inbox = self._inbox[role]
         return [inbox.popleft() for _ in range(len(inbox))]
 
     def _arrived(self, role: str) -> Rows:
-        columns = COLUMNS[role]
+        columns = KEPT_DOUBLES[role]
         messages = self._emptied(role)
         if not messages:
             return Rows.none(len(columns))
@@ -138,7 +138,7 @@ class LiveState:
         self.unreadable += unreadable
         values = rows.values[:, list(columns)]
         if role in FILTERS:
-            known = rows.values[:, ORIENTATION_UNKNOWN] != -1.0
+            known = rows.values[:, ORIENTATION_COVARIANCE_INDEX] != -1.0
             values = np.where(known[:, None], values, np.nan)
             values = one_signed(values, self._attitude.get(role))
             finite = np.flatnonzero(np.isfinite(values).all(1))
@@ -148,7 +148,7 @@ class LiveState:
 
     def _subtract(self, name: str) -> None:
         """Subtract samples of equal stamp; one without a partner is dropped after a second."""
-        waiting, raw = self._waiting[name], self.tracks[PAIRS[name][0]]
+        waiting, raw = self._waiting[name], self.tracks[DIFFERENCES[name][0]]
         if not len(waiting.stamp):
             return
         heard = raw.recent.since(int(waiting.stamp.min()))

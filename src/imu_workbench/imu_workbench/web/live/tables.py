@@ -36,8 +36,8 @@ MEASURED_ROLES = ('raw', 'compensated', 'raw_field', 'compensated_field')
 """Roles whose samples the verdict is about."""
 SILENT_S = 3.0
 """A topic counts as silent after this time without a message."""
-LEVELS = ('ok', 'warning', 'error', 'stale')
-PHASES = {
+STATUS_LEVELS = ('ok', 'warning', 'error', 'stale')
+PHASE_LABELS = {
     'precondition': 'preconditioning', 'ramp_down': 'ramp down', 'dwell_cold': 'cold dwell',
     'ramp_up': 'ramp up', 'dwell_hot': 'hot dwell', 'dwell_reference': 'dwell at ambient',
     'final': 'final measurement', 'operator': 'waits for the operator',
@@ -116,7 +116,7 @@ def _advice(state: LiveState, zero: int) -> str:
 def environment_values(state: LiveState) -> list[tuple[str, str]]:
     """Return name and value of the chamber's phase, times and temperatures."""
     phase, _, cycle = state.phase.partition(' ')
-    shown = PHASES.get(phase, phase) or 'no chamber'
+    shown = PHASE_LABELS.get(phase, phase) or 'no chamber'
     left = [duration(s) if math.isfinite(s) else '–' for s in chamber_times(state.statuses)]
     temperatures = {
         'die': 'temperature', 'on the device': 'device', 'chamber air': 'air',
@@ -177,8 +177,8 @@ def headline(status: NodeStatus, now: float) -> tuple[str, str]:
     """Return the level of a node's status, 'stale' where it is old, and its line."""
     age = now - status.received
     if age < 2 * SILENT_S:
-        return LEVELS[min(status.level, 3)], f'{status.name}: {status.message}'
-    return LEVELS[3], f'{status.name}: {status.message} ({duration(age)} ago)'
+        return STATUS_LEVELS[min(status.level, 3)], f'{status.name}: {status.message}'
+    return STATUS_LEVELS[3], f'{status.name}: {status.message} ({duration(age)} ago)'
 
 
 def details(status: NodeStatus) -> str:

@@ -21,7 +21,7 @@ from imu_recording.logging_contract import (
     TRACK_OF_FIELD,
 )
 
-DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+DIAGNOSTIC_ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ ROLES: dict[str, Role] = {
 }
 """Everything the live view can show, by name."""
 DEVICE_ROLES = tuple(name for name, role in ROLES.items() if not role.shared)
-MARKERS = tuple(role.topic for role in ROLES.values() if role.message_type == IMU)
+IMU_TOPIC_NAMES = tuple(role.topic for role in ROLES.values() if role.message_type == IMU)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def namespaces(topics: Iterable[Topic]) -> list[str]:
     for topic in topics:
         if topic.message_type != IMU:
             continue
-        by_name = [_before(topic.name, usual) for usual in MARKERS]
+        by_name = [_before(topic.name, usual) for usual in IMU_TOPIC_NAMES]
         known = [namespace for namespace in by_name if namespace is not None]
         nodes = [node.rpartition('/')[0] for node in topic.nodes]
         found.update(known[:1] or nodes)

@@ -17,7 +17,7 @@ from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.work.jobs import Job, LockWait, Stoppable
 
-READ_TOGETHER = 2
+BAGS_READ_AT_ONCE = 2
 """Number of bags that are read at the same time."""
 LONG_BAG_BYTES = 50_000_000
 """Size of a bag from which it is read alone: reading takes a good part of the memory."""
@@ -35,7 +35,7 @@ class ResultCache:
         self._results: OrderedDict[Any, Any] = OrderedDict()
         self._under_way: dict[Any, asyncio.Future[Any]] = {}
         self._reading_long = asyncio.Lock()
-        self._reading = asyncio.Semaphore(READ_TOGETHER)
+        self._reading = asyncio.Semaphore(BAGS_READ_AT_ONCE)
 
     def fresh_path(self, suffix: str = '') -> Path:
         """Return an unused path in the temporary folder."""

@@ -19,14 +19,14 @@ from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View, inside_window
 
-POINTS = 900
+MOST_DRAWN_POINTS = 900
 """Points drawn at most of one set."""
 STEADY_RATE_C_PER_MIN = 0.2
 """A block whose die temperature changes more slowly is neither heating nor cooling."""
 LEAST_BIN_ROWS = 5
 """Rows of a bin whose mean is drawn."""
-BRANCHES = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
-SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
+BRANCH_COLOURS = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
+CYCLE_SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
 PHASE_SHORT = {
     'precondition': 'ref.', 'ramp_down': 'ramp<br>down', 'dwell_cold': 'cold',
     'ramp_up': 'ramp<br>up', 'dwell_hot': 'hot', 'dwell_reference': 'amb.', 'final': 'final',
@@ -75,8 +75,8 @@ def temperature_figure(
     """Return the residual against temperature: colour by branch, symbol by cycle."""
     rows = _Rows(version, view, preview)
     data: list[dict[str, Any]] = []
-    every = max(1, int(rows.good.sum()) // POINTS)
-    for branch, colour in BRANCHES.items():
+    every = max(1, int(rows.good.sum()) // MOST_DRAWN_POINTS)
+    for branch, colour in BRANCH_COLOURS.items():
         for cycle in np.unique(rows.cycle).tolist():
             inside = rows.good & rows.branch(branch) & (rows.cycle == cycle)
             picked = np.flatnonzero(inside)[::every]
@@ -86,7 +86,7 @@ def temperature_figure(
             data.append({
                 'type': 'scatter', 'mode': 'markers', 'name': label, 'showlegend': False,
                 'x': rounded(rows.temperature[picked]), 'y': rounded(rows.residual[picked], 4),
-                'marker': {'color': colour, 'size': 4, 'symbol': SYMBOLS[cycle % 6],
+                'marker': {'color': colour, 'size': 4, 'symbol': CYCLE_SYMBOLS[cycle % 6],
                            'opacity': 0.18 if view.place else 0.4},
                 'hovertemplate': f'{label}: %{{y:.3~g}} {rows.unit} at %{{x:.1f}} °C'
                                  '<extra></extra>',
@@ -105,7 +105,7 @@ def temperature_figure(
 def rate_figure(version: Version, view: View, preview: EffectPreview | None = None) -> Figure:
     """Return the residual against the rate of the die temperature."""
     rows = _Rows(version, view, preview)
-    picked = np.flatnonzero(rows.good)[:: max(1, int(rows.good.sum()) // POINTS)]
+    picked = np.flatnonzero(rows.good)[:: max(1, int(rows.good.sum()) // MOST_DRAWN_POINTS)]
     data: list[dict[str, Any]] = [{
         'type': 'scatter', 'mode': 'markers', 'name': 'block means', 'showlegend': False,
         'x': rounded(rows.rate[picked]), 'y': rounded(rows.residual[picked], 4),
@@ -140,7 +140,7 @@ def phase_figure(version: Version, view: View) -> Figure:
         data.append({
             'type': 'scatter', 'mode': 'markers', 'name': label, 'x': x, 'y': y,
             'error_y': {'array': spread, 'thickness': 1.2, 'width': 0, 'color': colour},
-            'marker': {'color': colour, 'size': 7, 'symbol': SYMBOLS[cycle % 6]},
+            'marker': {'color': colour, 'size': 7, 'symbol': CYCLE_SYMBOLS[cycle % 6]},
             'hovertemplate': f'{label}: %{{y:.3~g}} ± %{{error_y.array:.2~g}} {rows.unit}'
                              '<extra></extra>',
             **trace_axes(0),
@@ -189,7 +189,7 @@ def _explained(
     if rows.explained is None or preview is None:
         return []
     picked = np.flatnonzero(rows.good & np.isfinite(rows.explained))
-    picked = picked[:: max(1, len(picked) // POINTS)]
+    picked = picked[:: max(1, len(picked) // MOST_DRAWN_POINTS)]
     name = f'{preview.effect.replace("_", " ")} would explain'
     return [{
         'type': 'scatter', 'mode': 'markers', 'name': name,

@@ -19,10 +19,10 @@ from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import Timeline, View, inside_window, timeline_of
 
-LINES = ('measured', 'modelled', 'temperature', 'earlier', 'residual', 'candidate', 'left')
+LINE_NAMES = ('measured', 'modelled', 'temperature', 'earlier', 'residual', 'candidate', 'left')
 """What is drawn, in the order of the traces."""
 Lines = dict[str, dict[str, list[float | None]]]
-"""Name → {'x': hours on the timeline, 'y': display units}; in the order of LINES."""
+"""Name → {'x': hours on the timeline, 'y': display units}; in the order of LINE_NAMES."""
 MAX_CURSOR_ROWS = 2400
 """Blocks that one cursor knows in all figures."""
 GAP_STEPS = 5.0
@@ -46,7 +46,7 @@ def time_lines(
     factor = DISPLAY_UNITS[view.sensor].factor
     blocks = {run.run: run for run in version.blocks} if version else {}
     older = {run.run: run for run in earlier.blocks} if earlier else {}
-    parts: dict[str, list[tuple[FloatArray, FloatArray]]] = {name: [] for name in LINES}
+    parts: dict[str, list[tuple[FloatArray, FloatArray]]] = {name: [] for name in LINE_NAMES}
     for bag in bags:
         start = timeline.start(bag.run)
         inside = ((shown[0] - start) * 3600.0, (shown[1] - start) * 3600.0)
@@ -55,7 +55,7 @@ def time_lines(
         share = min(1.0, bag.duration / 3600.0 / max(shown[1] - shown[0], 1e-9))
         run = blocks.get(bag.run)
         time, values = sample_line(
-            bag, view.sensor, view.axis, inside, max(400, int(share * POINTS))
+            bag, view.sensor, view.axis, inside, max(400, int(share * LINE_POINTS))
         )
         level = run.level[view.sensor][view.axis] if run else _middle(values)
         parts['measured'].append((start + time / 3600.0, (values - level) * factor))
@@ -256,21 +256,21 @@ def _middle(values: FloatArray) -> float:
     return float(np.median(finite)) if len(finite) else 0.0
 
 
-POINTS = 2400
+LINE_POINTS = 2400
 """Points of one line over the whole width of the figure."""
 MAX_CACHED_LINES = 512
 """Lines over whole bags kept in memory."""
 
 
 def sample_line(
-    bag: StoredBag, sensor: str, axis: int, window: tuple[float, float], points: int = POINTS
+    bag: StoredBag, sensor: str, axis: int, window: tuple[float, float], points: int = LINE_POINTS
 ) -> tuple[FloatArray, FloatArray]:
     """Return time since the first sample [s] and values [SI unit] within a window [s]."""
     return _line(bag, sensor, axis, window, points)
 
 
 def temperature_line(
-    bag: StoredBag, window: tuple[float, float], points: int = POINTS // 4
+    bag: StoredBag, window: tuple[float, float], points: int = LINE_POINTS // 4
 ) -> tuple[FloatArray, FloatArray]:
     """Return time since the first sample [s] and die temperature [°C] within a window [s]."""
     return _line(bag, 'temperature', 0, window, points)
