@@ -14,12 +14,14 @@ from math import nan
 
 import numpy as np
 from imu_recording.jit import compiled_here
+from imu_recording.recording import SECOND_NS
 from imu_recording.ros.messages import ImuSample, MagneticSample
 
 from imu_recording import ImuRecording
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
 from orientation_filters.live.filter import LiveFilter
 from orientation_filters.parameters import PRESET_NAMES
+from orientation_filters.sample_checks import GRAVITY
 from orientation_filters.upsampling import upsample
 
 
@@ -33,7 +35,7 @@ def precompile(filters: Iterable[str] = FILTERS) -> list[str]:
             live = LiveFilter(name, filter_parameters(name, preset=preset))
             for stamp in recording.stamp.tolist():
                 live.add_field(MagneticSample(stamp, (2e-5, 0.0, -4e-5)))
-                live.add_imu(ImuSample(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)))
+                live.add_imu(ImuSample(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY)))
     return [kernel for kernel in compiled_here() if kernel.startswith('orientation_filters.')]
 
 
@@ -42,9 +44,9 @@ def at_rest(rows: int) -> ImuRecording:
     field = np.tile([2e-5, 0.0, -4e-5], (rows, 1))
     field[-1] = nan
     return ImuRecording(
-        stamp=1_000_000_000 + 10_000_000 * np.arange(rows),
+        stamp=SECOND_NS + 10_000_000 * np.arange(rows),
         angular_velocity=np.zeros((rows, 3)),
-        linear_acceleration=np.tile([0.0, 0.0, 9.81], (rows, 1)),
+        linear_acceleration=np.tile([0.0, 0.0, GRAVITY], (rows, 1)),
         magnetic_field=field,
         temperature=np.full(rows, 20.0),
     )

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
 from orientation_filters.ahrs.covariance import (
-    ZERO6,
     Errors,
     JointCovariance,
     independent,
@@ -16,7 +15,7 @@ from orientation_filters.ahrs.covariance import (
     widen,
     with_independent_bias,
 )
-from orientation_filters.rotation.scalars import ZERO
+from orientation_filters.rotation.scalars import ZERO, ZERO_SYMMETRIC
 
 RNG = np.random.default_rng(8)
 UPPER = np.triu_indices(3)
@@ -64,7 +63,7 @@ def test_measurements_in_any_order_are_the_joint_one() -> None:
 
 
 def test_a_bias_without_variance_is_never_learned() -> None:
-    fixed = with_independent_bias(joint(random_covariance()), ZERO6)
+    fixed = with_independent_bias(joint(random_covariance()), ZERO_SYMMETRIC)
     errors = observe(Errors(ZERO, ZERO, fixed), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 5.0, 0.1)
     assert errors.bias == ZERO
     assert errors.orientation[0] != 0.0

@@ -12,7 +12,6 @@ from __future__ import annotations
 from math import sqrt
 
 from orientation_filters.ahrs.covariance import (
-    ZERO6,
     Errors,
     JointCovariance,
     independent,
@@ -26,6 +25,7 @@ from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
 from orientation_filters.rotation.scalars import (
     ZERO,
+    ZERO_SYMMETRIC,
     Quaternion,
     Vector,
     dot,
@@ -136,7 +136,7 @@ def _predict(known: JointCovariance, averages: AveragingState, params: Params) -
     )
     drift = bias_variance(averages, params.averaging)
     if not params.learn_bias:
-        known, drift = with_independent_bias(known, ZERO6), 0.0
+        known, drift = with_independent_bias(known, ZERO_SYMMETRIC), 0.0
     return predict(known, minus, angle_variance(averages, params.averaging), drift)
 
 

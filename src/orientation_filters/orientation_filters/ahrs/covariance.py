@@ -12,6 +12,7 @@ from typing import NamedTuple
 from orientation_filters.kernel import inline
 from orientation_filters.rotation.scalars import (
     ZERO,
+    ZERO_SYMMETRIC,
     Matrix,
     Symmetric,
     Vector,
@@ -19,8 +20,6 @@ from orientation_filters.rotation.scalars import (
     dot,
     less,
 )
-
-ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class JointCovariance(NamedTuple):
@@ -45,7 +44,9 @@ class Errors(NamedTuple):
 @inline
 def no_covariance() -> JointCovariance:
     """Return the covariance before any sample."""
-    return JointCovariance(orientation=ZERO6, cross=(ZERO, ZERO, ZERO), bias=ZERO6)
+    return JointCovariance(
+        orientation=ZERO_SYMMETRIC, cross=(ZERO, ZERO, ZERO), bias=ZERO_SYMMETRIC
+    )
 
 
 @inline

@@ -38,6 +38,9 @@ from orientation_filters.result import (
     empty_result,
 )
 from orientation_filters.rotation.scalars import (
+    UNKNOWN_QUATERNION,
+    UNKNOWN_SYMMETRIC,
+    UNKNOWN_VECTOR,
     ZERO,
     Quaternion,
     Symmetric,
@@ -65,10 +68,6 @@ from orientation_filters.slow_attitude import (
 from orientation_filters.step_averages.accumulation import held, integrate
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
-
-NAN3 = (np.nan,) * 3
-NAN4 = (np.nan,) * 4
-NAN6 = (np.nan,) * 6
 
 
 @kernel
@@ -183,7 +182,7 @@ def _run(state: State, params: Params, samples: SampleColumns, result: ResultCol
         shown = estimate(state, params, samples.stamp[i], flags)
         q, c, b = shown.orientation, shown.covariance, state.bias
         if flags & NOT_STARTED:
-            q, c, b = NAN4, NAN6, NAN3
+            q, c, b = UNKNOWN_QUATERNION, UNKNOWN_SYMMETRIC, UNKNOWN_VECTOR
         for k in range(4):
             result.orientation[i, k] = q[k]
         for k in range(6):

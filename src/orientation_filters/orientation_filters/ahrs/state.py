@@ -5,8 +5,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.ahrs.covariance import ZERO6, JointCovariance, no_covariance
-from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Symmetric, Vector
+from orientation_filters.ahrs.covariance import JointCovariance, no_covariance
+from orientation_filters.rotation.scalars import (
+    IDENTITY,
+    ZERO,
+    ZERO_SYMMETRIC,
+    Quaternion,
+    Symmetric,
+    Vector,
+)
 from orientation_filters.sample_checks import SampleParams
 from orientation_filters.slow_attitude import SlowAttitude, start_slow
 from orientation_filters.step_averages.accumulation import (
@@ -132,6 +139,6 @@ def initial_state() -> State:
         updates=0,
         field_stamp=-1,
         adaptive=AdaptiveKalmanState(
-            covariance=no_covariance(), shown=ZERO6, averages=no_averages()
+            covariance=no_covariance(), shown=ZERO_SYMMETRIC, averages=no_averages()
         ),
     )

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from orientation_filters.kernel import inline
 from orientation_filters.rotation.scalars import (
     ZERO,
+    ZERO_SYMMETRIC,
     Matrix,
     Quaternion,
     Symmetric,
@@ -49,8 +50,6 @@ from orientation_filters.step_averages.means import (
     shown_covariance,
     take_means,
 )
-
-ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Unknowns(NamedTuple):
@@ -88,9 +87,9 @@ class StepErrors(NamedTuple):
 @inline
 def no_adaptation() -> AdaptiveGainState:
     """Return the state before any sample."""
-    unknowns = Unknowns(noise=ZERO, lag=(ZERO, ZERO, ZERO), bias=ZERO6)
+    unknowns = Unknowns(noise=ZERO, lag=(ZERO, ZERO, ZERO), bias=ZERO_SYMMETRIC)
     return AdaptiveGainState(
-        averages=no_averages(), unknowns=unknowns, covariance=ZERO6, shown=ZERO6
+        averages=no_averages(), unknowns=unknowns, covariance=ZERO_SYMMETRIC, shown=ZERO_SYMMETRIC
     )
 
 
@@ -164,7 +163,7 @@ def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams
     walk = angle_variance(averages, params)
     drift = bias_variance(averages, params)
     if not params.learn_bias:
-        b, drift = ZERO6, 0.0
+        b, drift = ZERO_SYMMETRIC, 0.0
     n, lag, total = before.noise, before.lag, b[0] + b[3] + b[5]
     keep = total / (total + 3.0 * drift) if drift > 0.0 else 1.0
     freed = 1.0 - keep

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from imu_recording.recording import ImuRecording
 
 from orientation_filters.complementary.adaptive import adaptive_step, start_adaptive
@@ -43,6 +42,9 @@ from orientation_filters.result import (
 )
 from orientation_filters.rotation.scalars import (
     IDENTITY,
+    UNKNOWN_QUATERNION,
+    UNKNOWN_SYMMETRIC,
+    UNKNOWN_VECTOR,
     ZERO,
     Quaternion,
     Symmetric,
@@ -68,10 +70,6 @@ from orientation_filters.slow_attitude import follow, start_slow
 from orientation_filters.step_averages.accumulation import averaging_flags, held, integrate
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
-
-NAN3 = (np.nan,) * 3
-NAN4 = (np.nan,) * 4
-NAN6 = (np.nan,) * 6
 
 
 @kernel
@@ -247,8 +245,8 @@ def _loop(
             result.flags[i] = flags
         started = not flags & NOT_STARTED
         q, c = _shown(state, params, samples.stamp[i], flags, adaptive)
-        q, c = (q, c) if started else (NAN4, NAN6)
-        b = state.bias if started else NAN3
+        q, c = (q, c) if started else (UNKNOWN_QUATERNION, UNKNOWN_SYMMETRIC)
+        b = state.bias if started else UNKNOWN_VECTOR
         for k in range(4):
             result.orientation[i, k] = q[k]
         if adaptive:

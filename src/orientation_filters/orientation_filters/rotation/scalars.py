@@ -7,7 +7,7 @@ same algebra on arrays is in `arrays`.
 
 from __future__ import annotations
 
-from math import asin, atan2, copysign, cos, isfinite, sin, sqrt
+from math import asin, atan2, copysign, cos, isfinite, nan, sin, sqrt
 
 from orientation_filters.kernel import inline
 
@@ -19,6 +19,10 @@ Symmetric = tuple[float, float, float, float, float, float]
 
 ZERO = (0.0, 0.0, 0.0)
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
+ZERO_SYMMETRIC = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+UNKNOWN_VECTOR = (nan, nan, nan)
+UNKNOWN_QUATERNION = (nan, nan, nan, nan)
+UNKNOWN_SYMMETRIC = (nan, nan, nan, nan, nan, nan)
 
 SERIES_LIMIT = 0.04
 """Square of the rotation angle [rad²] below which the series is exact to rounding."""
