@@ -49,6 +49,7 @@ SECOND_NS = 1_000_000_000
 """Nanoseconds in a second."""
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], ISO 80000-3."""
+TESLA_PER_GAUSS = 1e-4
 GRAVITY_SHARE = 0.9
 """The axis must carry at least this share of the specific force, in most of the recording."""
 LONGEST_MESSAGE_CHARACTERS = 1000

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imu_recording.plausibility import POSSIBLE_RANGES, assess, possible
-from imu_recording.recording import ImuRecording
+from imu_recording.recording import SECOND_NS, ImuRecording
 from imu_recording.ros.messages import ImuSample, Vector
 
 FIRST_SAMPLES = 20
 """Number of samples of the first check: of their size, not yet whether the device rests."""
 WINDOW_S = 10.0
 """Length of the windows that are checked afterwards [s]."""
-WINDOW_NS = round(WINDOW_S * 1e9)
+WINDOW_NS = round(WINDOW_S * SECOND_NS)
 LEAST_WINDOW_SAMPLES, MOST_WINDOW_SAMPLES = 100, 4096
 """Least and greatest number of samples of such a window."""
-JUMP_BACK_NS = 1_000_000_000
+JUMP_BACK_NS = SECOND_NS
 """Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 
 Row = tuple[int, Vector, Vector, Vector, float]
@@ -79,7 +79,7 @@ class StreamCheck:
     @property
     def damaged_now(self) -> bool:
         """Whether an impossible sample came within the last WINDOW_S."""
-        return self.damaged > 0 and self.newest - self.damaged_at < WINDOW_S * 1e9
+        return self.damaged > 0 and self.newest - self.damaged_at < WINDOW_NS
 
     def _counted(self, is_possible: bool) -> bool:
         if not is_possible:

@@ -7,9 +7,9 @@ import re
 from collections.abc import Callable
 
 from chamber_profile.chambers.chamber import ChamberRefusalError
+from chamber_profile.chambers.espec import LINE_END
 from chamber_profile.emulators.plant import EmulatedPlant
 
-LINE_END = b'\r\n'
 _SETTING = re.compile(r'([SHL])\s*(-?\d+(?:\.\d+)?)')
 
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from chamber_profile.chambers.chamber import ChamberRefusalError
+from chamber_profile.chambers.votsch import SEPARATOR
 from chamber_profile.emulators.plant import EmulatedPlant
 
-SEPARATOR = b'\xb6'
 SET_VALUES = 7
 START_BIT = 1
 

@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from imu_recording.recording import STANDARD_GRAVITY, FloatArray
+from imu_recording.recording import STANDARD_GRAVITY, TESLA_PER_GAUSS, FloatArray
 from imu_recording.user_error import UserError
 
 RADIANS_PER_DEGREE: Final = math.pi / 180.0
 """[rad] in one degree."""
-TESLA_PER_GAUSS: Final = 1e-4
-"""[T] in one gauss."""
 
 SENSORS: Final = ('gyroscope', 'accelerometer', 'magnetometer')
 """In the order of the wire's counts."""

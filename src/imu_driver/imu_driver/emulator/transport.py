@@ -23,12 +23,10 @@ from imu_recording.recording import UP_AXES
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
-from imu_driver.board.transport import url_options
+from imu_driver.board.transport import READ_TIMEOUT_S, url_options
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
 from imu_driver.emulator.chamber_air import follows_chamber
 
-TIMEOUT: Final = 0.05
-"""[s] A read returns at the latest after this."""
 DEFAULT_RATE_HZ: Final = 238.0
 """[Hz] Output data rate after power-on."""
 OPTIONS: Final = {
@@ -90,10 +88,10 @@ class SimulatedTransport:
         return cls(board)
 
     def read(self) -> bytes:
-        """Return the bytes due by now; wait for the next, at most TIMEOUT."""
+        """Return the bytes due by now; wait for the next, at most READ_TIMEOUT_S."""
         wait = self._start + self._board.next_due - self._now()
         if wait > 0:
-            self._sleep(min(wait, TIMEOUT))
+            self._sleep(min(wait, READ_TIMEOUT_S))
         return b''.join(sent.data for sent in self._board.advance(self._now() - self._start))
 
     def write(self, data: bytes) -> None:

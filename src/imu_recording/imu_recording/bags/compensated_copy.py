@@ -23,7 +23,7 @@ import numpy as np
 from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, LITTLE_ENDIAN
 from imu_recording.bags.decoding.message_types import definition_of
 from imu_recording.bags.files import Bag, locate_bag
-from imu_recording.bags.mcap.writer import McapStream
+from imu_recording.bags.mcap.writer import CHUNK_BYTES, McapStream
 from imu_recording.bags.metadata import (
     YAML_ERRORS,
     Qos,
@@ -48,9 +48,6 @@ from imu_recording.recording import SECOND_NS, BagError, FloatArray, ImuRecordin
 
 if TYPE_CHECKING:
     from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
-
-CHUNK_BYTES = 1 << 20
-"""Bytes of messages after which a chunk is closed."""
 
 
 def write_compensated_copy(

@@ -12,13 +12,10 @@ from pathlib import Path
 from imu_recording.bags.decoding.message_types import definition_of
 from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 from imu_recording.bags.files import BagFile, locate_bag
-from imu_recording.bags.mcap.writer import McapStream
+from imu_recording.bags.mcap.writer import CHUNK_BYTES, McapStream
 from imu_recording.bags.metadata import RecordedFile, qos_profile, qos_text, write_metadata
 from imu_recording.bags.scan import open_ros1, scan_messages, topics_of_file
 from imu_recording.recording import BagError
-
-CHUNK_BYTES = 1 << 20
-"""Bytes of messages after which a chunk is closed."""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ from imu_recording.logs.dataflash_stream import (
     stream_messages,
 )
 from imu_recording.logs.flight_log import (
+    MOST_KEPT_ROWS,
+    WHOLE_FILE_BYTES,
     FlightLog,
     LogError,
     LoggedImu,
@@ -59,10 +61,6 @@ PADDING_BYTES = 528
 ROWS_PER_BLOCK = 100_000
 """Messages that are gathered at a time: the places of their bytes take eight times their size."""
 
-WHOLE_FILE_BYTES = 200_000_000
-"""Size up to which a file is read as a whole; a longer one is averaged."""
-MOST_KEPT_ROWS = 1_000_000
-"""Largest number of rows kept of each kind of message of a longer file, all instances together."""
 DEFINITIONS_BYTES = 1 << 24
 """Size of a log's beginning that defines its messages."""
 UNAVERAGED_MESSAGES = frozenset({'PARM', 'MSG', 'GPS'})

@@ -12,6 +12,12 @@ import numpy as np
 
 from imu_recording.recording import FloatArray, IntArray, RecordingError
 
+WHOLE_FILE_BYTES = 200_000_000
+"""Size up to which a file is read as a whole; a longer one is averaged."""
+MOST_KEPT_ROWS = 1_000_000
+"""Largest number of rows of a longer file that are kept of each kind of message, all sensors
+together."""
+
 
 class LogError(RecordingError):
     """A log that cannot be used; the message names the file and a way out."""

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from imu_recording.logs.flight_log import (
+    MOST_KEPT_ROWS,
+    WHOLE_FILE_BYTES,
     FlightLog,
     LogError,
     LoggedImu,
@@ -24,7 +26,7 @@ from imu_recording.logs.flight_log import (
 )
 from imu_recording.logs.gps_time import power_on
 from imu_recording.logs.ulog_stream import Topic, ends_within_a_message, stream_topics
-from imu_recording.recording import FloatArray
+from imu_recording.recording import TESLA_PER_GAUSS, FloatArray
 
 MAGIC = b'ULog\x01\x12\x35'
 KNOWN_VERSIONS = (0, 1)
@@ -39,17 +41,12 @@ TOPICS = tuple(COLUMNS_OF_TOPIC)
 CLOCK_COLUMNS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
 """Topics that may tell the date."""
 CUT_OFF_NOTE = 'the log was cut off: it ends within a message; what follows is missing'
-TESLA_PER_GAUSS = 1e-4
 LARGEST_PRESSURE_HPA = 2000.0
 """Pressure up to which sensor_baro is in hPa, as before PX4 1.14; since then it is in Pa."""
 LOGGING_ADVICE = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
 )
-WHOLE_FILE_BYTES = 200_000_000
-"""Size up to which a file is read as a whole; a longer one is averaged."""
-MOST_KEPT_ROWS = 1_000_000
-"""Largest number of rows kept of each topic of a longer file, all IMUs together."""
 HARDWARE_KEYS = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
 """What a log says of board and firmware."""
 

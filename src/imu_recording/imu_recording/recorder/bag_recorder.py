@@ -24,7 +24,7 @@ from imu_recording.bags.metadata import (
 from imu_recording.logging_contract import PHASE_TOPIC, STRING
 from imu_recording.recording import BagError
 
-CHUNK_BYTES = 4 << 20
+FULL_CHUNK_BYTES = 4 << 20
 """A chunk is closed early when its records reach this size."""
 
 
@@ -114,7 +114,7 @@ class BagRecorder:
             self._open.channels[topic] = channel
         self._open.stream.add_message(channel, received, data)
         self.messages += 1
-        if self._open.stream.pending >= CHUNK_BYTES:
+        if self._open.stream.pending >= FULL_CHUNK_BYTES:
             self._write(self._open.stream.flush())
 
     def flush(self) -> None:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from imu_recording.recording import FloatArray
 from imu_recording.ros.messages import ImuSample, MagneticSample
+from imu_recording.stream_plausibility import JUMP_BACK_NS
 
 from thermal_comp.compensation.recording import (
     DEFAULT_EXTRAPOLATION,
@@ -42,8 +43,6 @@ REMEMBERED_TEMPERATURES = 4096
 """Errors of a sensor that are kept by temperature: 256 K in counts of 1/16 K."""
 REMEMBERED_VALUES = 64
 """Values of a channel that are remembered for samples that arrive late."""
-JUMP_BACK_NS = 1_000_000_000
-"""Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 NOT_REPORTED = -1.0
 """First element of the covariance of a measurement that is not there (REP-145)."""
 

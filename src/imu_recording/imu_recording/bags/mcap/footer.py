@@ -16,6 +16,7 @@ from imu_recording.bags.mcap.writer import DATA_END, FOOTER, MAGIC
 LARGEST_SUMMARY_BYTES = 256 << 20
 """A summary that claims to be larger is damage [bytes]."""
 BLOCK_BYTES = 1 << 22
+"""Bytes of a file that are read at a time."""
 _FOOTER = struct.Struct('<BQQQI8s')
 _FOOTER_BYTES = 20
 _CHECKED_FOOTER_BYTES = 25

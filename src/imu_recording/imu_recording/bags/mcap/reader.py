@@ -20,7 +20,7 @@ from imu_recording.bags.compression import decompress_chunk
 from imu_recording.bags.decoding.cdr import Bytes
 from imu_recording.bags.decoding.cdr_kernels import little64
 from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock, empty_block
-from imu_recording.bags.mcap.footer import read_footer, summary_bytes
+from imu_recording.bags.mcap.footer import BLOCK_BYTES, read_footer, summary_bytes
 from imu_recording.bags.mcap.writer import (
     ATTACHMENT,
     CHANNEL,
@@ -47,8 +47,6 @@ RECORD_FULL = 3
 
 LOOSE_MESSAGES_END = (0, CHUNK, ATTACHMENT, DATA_END)
 """Records that end a row of messages outside chunks."""
-BLOCK_BYTES = 1 << 22
-"""Messages that stand outside chunks are read in blocks of this many bytes."""
 LARGEST_CHUNK_BYTES = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8

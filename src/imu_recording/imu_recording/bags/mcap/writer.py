@@ -23,6 +23,8 @@ METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
 LIBRARY = 'imu_recording'
 LATEST_STAMP_NS = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')
+CHUNK_BYTES = 1 << 20
+"""Bytes of messages after which a chunk is closed."""
 MESSAGE_HEAD_BYTES = _MESSAGE.size
 """Bytes of a message record before the serialised message."""
 CHUNK_HEAD = struct.Struct('<QQQII')
