@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 
 class PeriodicThread:
-    """Calls `step` every `period_s` until stopped; a late step is not made up for.
+    """Calls `step` every `period_s` until stopped; after a late step no step is caught up.
 
     Where a step raises, `failed` is called before the error ends the thread.
     """

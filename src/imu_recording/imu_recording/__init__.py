@@ -20,7 +20,7 @@ __all__ = [
     'read_bag',
     'write_bag',
 ]
-_HOMES = {
+_MODULE_OF_NAME = {
     'BagError': 'recording',
     'ImuRecording': 'recording',
     'RecordingError': 'recording',
@@ -31,6 +31,6 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _MODULE_OF_NAME:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+    return getattr(import_module(f'{__name__}.{_MODULE_OF_NAME[name]}'), name)

@@ -106,7 +106,7 @@ def cycles_from_temperature(time: FloatArray, temperature: FloatArray) -> IntArr
 def _turning_points(values: FloatArray, least: float) -> list[int]:
     """Return the rows at which the temperature turns, each `least` [K] off the one before.
 
-    The last extreme counts where the way to it was as long.
+    The last extreme is one of them, as the way to it is as long.
     """
     low = high = 0
     turns: list[int] = []
@@ -124,7 +124,7 @@ def _turning_points(values: FloatArray, least: float) -> list[int]:
 
 
 def _passing(values: FloatArray, before: int, after: int) -> int:
-    """Return the row between two turning points in the middle of what is near their middle."""
+    """Return the median of the rows between two turning points that are near their mean value."""
     way = values[before : after + 1]
     off = np.abs(way - 0.5 * (way[0] + way[-1]))
     near = np.flatnonzero(off <= max(LEAVING_SHARE * abs(way[-1] - way[0]), float(off.min())))

@@ -37,7 +37,8 @@ SURE_BIAS_RATE = 0.0026
 SURE_BIAS_DURATION_S = 10.0
 """Duration of rest after which any rate is a bias, as no turn has shown [s]."""
 LARGEST_FIELD_FLUCTUATION = 0.05
-"""Largest relative rms fluctuation of the field beyond what the rate explains; more: a magnet."""
+"""Largest relative rms fluctuation of the field beyond what the rate explains; a larger one comes
+from a moving magnet."""
 
 
 class RestParams(NamedTuple):
@@ -178,7 +179,7 @@ def _field_turn(state: RestState, params: RestParams) -> float:
     """Return the square of the angle by which the field's horizontal part turned [rad²].
 
     Negative where no turn of the sensor explains the field's change, in strength, dip or
-    fluctuation: a magnet.
+    fluctuation: a magnet moved.
     """
     now, first, force = state.magnetic_field, state.first_field, state.linear_acceleration
     rate = state.angular_velocity

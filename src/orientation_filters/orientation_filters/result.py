@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a filter over a recording: one row per row, and the flags of each row.
+"""Result of a filter over a recording, one row for each of its rows, and the flags of a row.
 
 >>> flag_names(SIX_AXIS | AT_REST)
 ('six_axis', 'at_rest')

@@ -28,8 +28,8 @@ from orientation_filters.rotation.arrays import (
 )
 
 DEFAULT_PARAMETERS = {'preset': 'robust', 'field_weight': 20.0, 'bias_random_walk': 6e-5}
-"""With all samples at hand heading and bias need not be found soon: errors of the field, which
-persist and affect both directions, weigh more, and the bias walks less."""
+"""Differ from those of the live filters, which have to find heading and bias soon: errors of the
+field, which persist and affect both directions, weigh more, and the bias walks less."""
 Pair = tuple[FloatArray, FloatArray]
 """Of the filter forward and backward."""
 PACKED_INDICES = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])

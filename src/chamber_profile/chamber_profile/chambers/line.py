@@ -75,10 +75,7 @@ class Line:
                     )
                 wanted = size - len(received) if size else port.in_waiting
                 received += port.read(max(1, wanted))
-        except (
-            OSError,
-            termios.error,
-        ) as error:  # termios.error, of a port that vanishes, is no OSError
+        except (OSError, termios.error) as error:  # termios.error: the port vanished
             self.close()
             if isinstance(error, ChamberError):
                 raise

@@ -14,6 +14,7 @@ from chamber_profile.chambers.line import Line, until
 from chamber_profile.chambers.protocol import ChamberProtocol
 
 DIGITAL_CHANNELS = 32
+"""Number of digital bits in an ASCII-2 string."""
 SEPARATOR = b'\xb6'
 STATUS_RUNNING, STATUS_ALARM = 2, 8
 """Bits of SIMSERV's status: 1 stands by, 3 runs, + 4 warning, + 8 alarm."""

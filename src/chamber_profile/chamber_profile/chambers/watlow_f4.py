@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 PROCESS_VALUE, PROFILE_STATUS, SETPOINT = 100, 200, 300
 LIMIT_LOW, LIMIT_HIGH, DECIMALS, UNITS = 602, 603, 606, 901
 TERMINATE_PROFILE = 1217
+"""Register numbers."""
 EMULATOR_MARK, EMULATED = 9999, 0x454D
 """A register no F4 has, and the value an emulator has there."""
 RUNNING_STATUSES = (2, 3)
+"""Values of PROFILE_STATUS while the controller's own profile runs or is held."""
 RTU_PAUSE_S = 0.03
 """Silence between two RTU requests [s]."""
 

@@ -19,7 +19,8 @@ from chamber_profile.chambers.chamber import ChamberRefusalError
 from chamber_profile.chambers.modbus import framer
 from chamber_profile.emulators.plant import EmulatedPlant
 
-COUNTS_PER_UNIT = 10.0
+COUNTS_PER_DEGREE = 10.0
+"""Register counts per °C: one decimal."""
 EVENT_REGISTER = watlow_f4.event_register(1)
 MAX_FRAME_BYTES = 260
 """Longest frame of Modbus, that of TCP; more bytes without a frame are dropped."""
@@ -62,12 +63,12 @@ class F4Registers:
             chamber.stop()
         low, high = chamber.limits
         table = {
-            watlow_f4.PROCESS_VALUE: chamber.read().air * COUNTS_PER_UNIT,
+            watlow_f4.PROCESS_VALUE: chamber.read().air * COUNTS_PER_DEGREE,
             103: 100.0 * self._plant.heater_percent,
             watlow_f4.PROFILE_STATUS: 0,
-            watlow_f4.SETPOINT: chamber.setpoint * COUNTS_PER_UNIT,
-            watlow_f4.LIMIT_LOW: low * COUNTS_PER_UNIT,
-            watlow_f4.LIMIT_HIGH: high * COUNTS_PER_UNIT,
+            watlow_f4.SETPOINT: chamber.setpoint * COUNTS_PER_DEGREE,
+            watlow_f4.LIMIT_LOW: low * COUNTS_PER_DEGREE,
+            watlow_f4.LIMIT_HIGH: high * COUNTS_PER_DEGREE,
             watlow_f4.DECIMALS: 1,
             watlow_f4.UNITS: 1,
             EVENT_REGISTER: int(chamber.running),
@@ -81,11 +82,11 @@ class F4Registers:
         if self._plant.refuses:
             raise ChamberRefusalError('locked')
         if register == watlow_f4.SETPOINT:
-            chamber.set_temperature(value / COUNTS_PER_UNIT)
+            chamber.set_temperature(value / COUNTS_PER_DEGREE)
         elif register == watlow_f4.LIMIT_LOW:
-            chamber.set_limits(value / COUNTS_PER_UNIT, chamber.limits[1])
+            chamber.set_limits(value / COUNTS_PER_DEGREE, chamber.limits[1])
         elif register == watlow_f4.LIMIT_HIGH:
-            chamber.set_limits(chamber.limits[0], value / COUNTS_PER_UNIT)
+            chamber.set_limits(chamber.limits[0], value / COUNTS_PER_DEGREE)
         elif register == EVENT_REGISTER:
             if value:
                 chamber.run()

@@ -53,7 +53,8 @@ def readings_of(time: float, reading: ChamberReading) -> Readings:
 MAX_FAILURES = 3
 """Number of failures within FAILURE_WINDOW_S from which the link is lost."""
 FAILURE_WINDOW_S = 15.0
-"""Their time [s of the host]; the link is also lost after so long without an answer."""
+"""Window of those failures, and longest time without an answer of a link that is not lost [s of
+the host]."""
 RETRY_S = 5.0
 """Time between two tries of a link that failed [s of the host]."""
 FIRST_RETRY_S = 1.0

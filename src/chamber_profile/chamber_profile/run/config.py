@@ -25,7 +25,7 @@ from chamber_profile.run.values import DONE, FINISHED, IDLE, Progress
 STEP_PERIOD_S = 0.5
 """Period of a run's steps [s of the chamber]."""
 MIN_STEP_PERIOD_S = 0.02
-"""Least period of them [s of the host]."""
+"""Shortest period of a run's steps [s of the host]."""
 
 
 @dataclass(frozen=True)

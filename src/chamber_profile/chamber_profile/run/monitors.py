@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors of a run: IMU (alive?), reference logger (temperatures), recorder (errors)."""
+"""Monitors of a run: whether the IMU sends, reference temperatures, errors of the recorder."""
 
 from __future__ import annotations
 

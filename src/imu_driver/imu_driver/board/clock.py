@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 from imu_recording.recording import SECOND_NS
 
 TICK_RANGE: Final = 1 << 32
+"""[ticks] Range of the device's counter."""
 HALF_RANGE: Final = 1 << 31
 
 LARGEST_SKEW: Final = 1e-2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that reads one device: open the line, converse, and open it again after a loss."""
+"""The thread that reads one device: open the line, read and answer, open it again after a loss."""
 
 from __future__ import annotations
 

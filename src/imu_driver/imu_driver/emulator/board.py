@@ -53,7 +53,7 @@ class CountSource(Protocol):
 
 @dataclass(frozen=True)
 class BoardOptions:
-    """Properties of the board: what is soldered and what is flashed."""
+    """Properties of the board: its parts and its firmware."""
 
     protocol: str = 'binary'
     serial_number: str = 'DUT1'

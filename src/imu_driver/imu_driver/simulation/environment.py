@@ -11,8 +11,9 @@ from imu_recording.recording import FloatArray, IntArray
 from imu_driver.simulation.noise import ou_process
 
 LATITUDE = np.deg2rad(41.5)
+"""Of the simulated laboratory [rad]."""
 LOCAL_GRAVITY = 9.8033
-"""Local gravity of the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
+"""Gravity in the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
 EARTH_RATE = 7.292115e-5 * np.array([0.0, np.cos(LATITUDE), np.sin(LATITUDE)])
 """(3,) ENU [rad/s]."""
 MAGNETIC_FIELD = 46.5e-6 * np.array(

@@ -23,6 +23,7 @@ LOT_SHARE = 0.6
 DEVICE_SHARE = 0.3
 """Spread within a lot in spreads of the class, in the median over coefficients."""
 OUTLIER_SHARE = 0.03
+"""Share of the devices that are outliers."""
 OUTLIER_DEVIATIONS = 4.0
 """How far an outlier's coefficient stands from the mean of its lot [standard deviations]."""
 OUTLIER_MAGNITUDE = 8.0

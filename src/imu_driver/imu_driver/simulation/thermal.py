@@ -18,7 +18,7 @@ from imu_driver.simulation.devices import ThermalNetwork
 
 BOARD, PACKAGE, DIE, MAGNETOMETER = 0, 1, 2, 3
 NODE_COUNT = 4
-"""Places in the state vector [°C]."""
+"""Indices into the node temperatures [°C], and their number."""
 LONGEST_SUBSTEP_S = 0.25
 """Longest step of the integration [s]."""
 

@@ -58,7 +58,8 @@ def write_compensated_copy(
 ) -> None:
     """Copy the bag a compensated recording was read from and add what was compensated.
 
-    `remap` is what it was read with. Older compensated topics make way. Raises BagError.
+    `remap` is what it was read with. Compensated topics of the source are left out. Raises
+    BagError.
     """
     bag, folder = locate_bag(source), Path(target)
     if folder.exists():

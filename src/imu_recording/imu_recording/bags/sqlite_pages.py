@@ -28,7 +28,7 @@ LARGEST_GROUP_SPREAD = 3
 JOURNAL_SUFFIXES = ('-wal', '-journal')
 LARGEST_COLUMN_COUNT = 16
 PADDING_BYTES = 64
-"""Bytes behind the last page, so that a number cut by the end of its page reads as something."""
+"""Bytes behind the last page, so that a number cut by its end is read within the buffer."""
 LARGEST_COLUMN_BYTES = 1 << 31
 """A column that claims to be longer is damage [bytes]."""
 _INTEGER_BYTES = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.int64)

@@ -41,7 +41,7 @@ class LocalTopic:
 
 
 class Outbox:
-    """Serialised messages on their way out: at once, or within `with` all together at its end.
+    """Sends serialised messages: at once, or within `with` all together at its end.
 
     Sent together, the data of the chain's stages and of the middleware stay in the processor's
     cache in turn; alternating, each would evict the other's.

@@ -74,7 +74,7 @@ class ConfiguredNode(TopicNode):
         return 0, self.state, {}
 
     def tasks(self) -> dict[str, Status]:
-        """Return the status of each task; the first says most of the node."""
+        """Return the status of each task: first that of `diagnostics`."""
         return {self.task: self.diagnostics()}
 
     # Diagnostics ------------------------------------------------------------------------------

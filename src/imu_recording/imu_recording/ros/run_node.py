@@ -3,7 +3,8 @@
 
 While a node runs, Ctrl-C and SIGTERM are counted instead of raised wherever the program happens to
 be: a KeyboardInterrupt inside a message callback can surface as any error of the C++ layer below.
-While it starts there are no callbacks yet, and a minute of compilation ends at once.
+While it starts there are no callbacks yet: they are raised, and end a minute of compilation at
+once.
 """
 
 from __future__ import annotations
@@ -54,11 +55,11 @@ class Interrupts:
             signal.signal(number, self._on_signal)
 
     def begin_to_count(self) -> None:
-        """Let what is under way end first from now on."""
+        """Only count from now on, so that what is under way ends first."""
         self._raises = False
 
     def ignore(self) -> None:
-        """Let what follows (releasing devices, closing files) run to its end undisturbed."""
+        """Ignore further interrupts while devices are released and files closed."""
         for number in INTERRUPT_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 

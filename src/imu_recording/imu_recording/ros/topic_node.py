@@ -43,7 +43,7 @@ def overridable() -> QoSOverridingOptions:
 
 
 class TopicNode(ParameterNode):
-    """Hands on what comes in while the node is active, and watches that it comes.
+    """Calls back with inputs while the node is active, and notices when one has stopped.
 
     With `capture`, outputs call `capture(topic, message)`, nothing is sent; `inputs` maps topic to
     callback for those who feed messages by hand. `now` replaces the clock. Nodes of one process

@@ -61,7 +61,7 @@ LARGEST_VALUES = {
     'supply_voltage': {'V': 100.0, 'mV': np.inf},
     'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
 }
-"""Up to which greatest value a channel without a unit is taken for one, in this order."""
+"""Units of a channel that states none, in this order: each up to this greatest value."""
 TIME_NAMES = (
     r'((sample|unix|epoch|utc|gps|ros|log|elapsed|system|local)_?)*'
     r'(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|epoch|utc|uptime|elapsed|'

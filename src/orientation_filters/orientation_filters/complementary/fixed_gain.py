@@ -175,8 +175,9 @@ def correct(
 ) -> Quaternion:
     """Return the prediction turned in the world by both corrections, of nearly unit length.
 
-    It is rescaled by the length² of the attitude before, which keeps square root and division out
-    of the way of the next sample; the length stays within the square of half a correction of 1.
+    It is rescaled by the squared length of the attitude before, to first order: the next sample
+    does not have to wait for square root and division. Its length differs from 1 by no more than
+    the square of half a correction.
     """
     square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
     factor = 1.5 - 0.5 * square

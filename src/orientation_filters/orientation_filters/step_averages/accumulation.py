@@ -218,9 +218,9 @@ def integrate(
 ) -> Quaternion:
     """Return the attitude carried on by the rate, a parabola through this sample and two before.
 
-    Its area, and what the axis turns by while the rate changes (Bortz, IEEE Trans. Aerospace and
-    Electronic Systems 7, 1971). Where the interval before was shorter, the parabola counts for
-    less: it would be bent by noise.
+    The rotation vector is the parabola's integral and the term of a turning axis (Bortz, IEEE
+    Trans. Aerospace and Electronic Systems 7, 1971). Where the interval before was shorter the
+    parabola's curvature, which noise would dominate, has less weight.
     """
     h, past = seen.interval, before.interval
     first, last = subtract(before.rate, bias), subtract(seen.angular_velocity, bias)
@@ -238,7 +238,8 @@ def integrate(
 def _carried(q: Quaternion, turn: Quaternion) -> Quaternion:
     """Return an attitude turned in the sensor's frame, w ≥ 0, of unit length to rounding.
 
-    Rescaled by the length² before: no square root in the way of the next sample.
+    It is rescaled by the squared length of `q`, to first order: the next sample does not have to
+    wait for a square root.
     """
     x, y, z, w = multiply(q, turn)
     factor = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -251,7 +252,7 @@ def _carried(q: Quaternion, turn: Quaternion) -> Quaternion:
 def held(
     q: Quaternion, bias: Vector, covariance: Symmetric, state: AveragingState, interval: float
 ) -> tuple[Quaternion, Symmetric]:
-    """Return attitude and covariance carried on by the last rate while there is none [s]."""
+    """Return attitude and covariance `interval` [s] after the last rate, which is held."""
     rate = subtract(state.rate, bias)
     grown = (
         EXTRAPOLATION_FACTOR * state.rate_change * (interval * interval) * (interval * interval)

@@ -271,7 +271,7 @@ def _tilt_error_square(persistent: Vector, up: float, variance: float) -> float:
 
 @inline
 def _level_part(force: Vector, up: float) -> tuple[float, float]:
-    """Return the horizontal part of a force; of a right angle's length where it points down."""
+    """Return the horizontal part of a force, that of a tilt by 90° where it points down."""
     x, y = force[0], force[1]
     if force[2] * up > 0.0:
         return x, y
@@ -363,8 +363,8 @@ def _bias_at_rest(
 ) -> RestBias:
     """Return the bias error that the mean rate at rest shows.
 
-    With six axes nothing tells a steady turn about the vertical from a bias: its variance there is
-    no smaller than the square of the change would leave it.
+    With six axes a steady turn about the vertical cannot be told from a bias. The variance along
+    the vertical is therefore so large that the bias keeps the square of its change as variance.
     """
     rest = state.rest
     learns = params.learn_bias and is_bias(rest, params.rest)

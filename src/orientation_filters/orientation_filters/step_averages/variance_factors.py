@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Variance factors: variance of the errors over that claimed from the assumed noises.
 
-The assumed noises have to do for any device and motion; innovations show the actual ones. For
-one angle, a gyroscope's noise q and a measurement's noise r, true, and q₀ and r₀, assumed, a
-first-order filter of any gain has an error whose variance is (q/q₀ + r/r₀)/2 times the one it
-claims, and so has the low-pass of its innovations by that same gain: the mean square of the one
-gives the other (a posteriori variance of unit weight; of innovations: Mehra, IEEE Trans. Automatic
-Control 15, 1970). At rest and in motion the noises differ, and so do the factors.
+The assumed noises are the same for every device and motion; innovations show the actual ones. For
+one angle let q and r be the true noises of gyroscope and measurement, q₀ and r₀ the assumed ones.
+The error of a first-order filter of any gain then has (q/q₀ + r/r₀)/2 times the variance that the
+filter claims, and so has the low-pass of its innovations by the same gain: the mean square of the
+innovations gives the factor (a posteriori variance of unit weight; of innovations: Mehra, IEEE
+Trans. Automatic Control 15, 1970). At rest and in motion the noises differ, and so do the factors.
 
 Innovations do not show sensor errors that last longer than the filter's time constants. Those show
 in parts of the measurement that the filter does not use: the vertical part of specific force,
@@ -66,7 +66,7 @@ class AngleFactor(NamedTuple):
     unused: Pair
     """Errors in parts of the measurement that the filter does not use, after that low-pass."""
     bridged: float
-    """Variance left of gaps in the angular velocity [rad²]; it is no assumed noise: not scaled."""
+    """Variance that remains of gaps in the angular velocity [rad²]; it is not scaled."""
     rest: Observed
     motion: Observed
 

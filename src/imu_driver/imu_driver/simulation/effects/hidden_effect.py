@@ -2,7 +2,7 @@
 """A hidden effect of the simulated device, and how it is added to runs.
 
 The effects use the simulated device's own nodes, fields and processes, finer than thermal_comp's
-catalogue and without an equation in common: a diagnosis that names them proves something.
+catalogue and without an equation in common, so that naming them is a test of a diagnosis.
 """
 
 from __future__ import annotations
@@ -106,7 +106,8 @@ LEAST_VISIBLE_SHARE = 0.03
 """Least share of an effect's error that a line in temperature must leave.
 
 In a single pose a rotation or a scale error is nearly a line in temperature. Its small remainder,
-from the thermometer's lag, must not be scaled up to a visible size: the effect would be absurd."""
+from the thermometer's lag, must not be scaled up to a visible size: the effect itself would be
+hundreds of times as large."""
 
 
 def magnitude(runs: Runs, errors: Sequence[Errors]) -> float:

@@ -31,7 +31,7 @@ Bytes = NDArray[np.uint8]
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """First bytes of a message: plain CDR, little endian, without options."""
 LITTLE_ENDIAN = ENCAPSULATION[:2]
-"""What they say of the byte order; the two bytes of options may differ."""
+"""The representation identifier alone; the two bytes of options may differ."""
 
 
 @dataclass(frozen=True)

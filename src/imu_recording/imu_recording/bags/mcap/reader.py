@@ -49,7 +49,8 @@ LOOSE_MESSAGES_END = (0, CHUNK, ATTACHMENT, DATA_END)
 """Records that end a row of messages outside chunks."""
 LARGEST_CHUNK_BYTES = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
-_COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
+_COUNTS_OFFSET = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
+"""Bytes of a statistics record before the messages by channel."""
 
 
 @dataclass
@@ -322,8 +323,8 @@ def _parse_summary(summary: bytes) -> dict[str, tuple[str, int]] | None:
         at += 9 + size
         if opcode in (SCHEMA, CHANNEL):
             scan.declare(opcode, content)
-        elif opcode == STATISTICS and len(content) >= _COUNTS_AT + 4:
-            pairs = content[_COUNTS_AT + 4 :]
+        elif opcode == STATISTICS and len(content) >= _COUNTS_OFFSET + 4:
+            pairs = content[_COUNTS_OFFSET + 4 :]
             counts = dict(struct.iter_unpack('<HQ', pairs[: len(pairs) // 10 * 10]))
     if counts is None or not set(counts) <= set(scan.channels):
         return None
