@@ -56,9 +56,9 @@ class Cost:
     data: str
     """'raw', 'compensated' or '<sensor> compensated'."""
     rms: dict[str, float]
-    """total, heading, inclination."""
+    """By kind: total, heading, inclination."""
     gain: dict[str, float]
-    """How much of the raw error this compensation takes away, each kind."""
+    """Raw error minus `rms`, by kind."""
     moved: dict[str, float]
     """Rms angle between this run and the raw one: what the temperature error did, whatever else
     is wrong with the device."""

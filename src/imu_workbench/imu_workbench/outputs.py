@@ -61,7 +61,7 @@ def _is_recording(path: Path) -> bool:
 def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
     """Refuse an output that exists, unless `force`; a file's folder has to exist.
 
-    With `force` an old bag makes way for a bag (`folder`); no other folder is ever replaced.
+    With `force` a bag replaces a bag (`folder`); no other folder is ever replaced.
     """
     if not folder and not target.parent.is_dir():
         raise UserError(f'{target}: there is no folder {target.parent}')

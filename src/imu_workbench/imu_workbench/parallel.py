@@ -91,7 +91,10 @@ def _send_result(task: Task, sender: Connection) -> None:
 
 
 def may_fork() -> bool:
-    """Tell whether this process has one thread: a fork of more could wait for a lost one."""
+    """Tell whether this process has one thread.
+
+    A lock that another thread holds is never released in a forked process.
+    """
     try:
         return len(list(Path('/proc/self/task').iterdir())) == 1
     except OSError:

@@ -38,7 +38,7 @@ class Compilation:
     compile: Callable[[], object]
 
     def run(self) -> None:
-        """Compile; look for garbage once, at the end: numba keeps most of what it makes."""
+        """Compile; collect garbage once, at the end: numba keeps most of what it makes."""
         gc.disable()
         self.compile()
         gc.enable()

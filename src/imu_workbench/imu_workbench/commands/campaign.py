@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""campaign: the whole experiment in this process, as fast as it can."""
+"""Run a whole campaign through the real nodes in this process, faster than real time."""
 
 from __future__ import annotations
 

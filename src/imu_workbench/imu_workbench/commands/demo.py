@@ -20,7 +20,7 @@ from imu_workbench.report.content import command_line, versions
 from imu_workbench.tables.paper import PAPER_PROFILE
 
 HELP = 'Simulate a device, add the bundled bags, find a hidden effect; write DIR/report.html.'
-RUN = 'dut1_x_50hz'
+SIMULATED_RUN = 'dut1_x_50hz'
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,12 +69,12 @@ def run(options: argparse.Namespace) -> Answer:
     )
     bags = [read_bag(path) for path in paths]
     analysis = analyse_recordings(
-        [replace(simulated, run=RUN), *bags], catalogue=catalogue, workers=workers
+        [replace(simulated, run=SIMULATED_RUN), *bags], catalogue=catalogue, workers=workers
     )
     growth = growth_result()
     alone = (
         f'python -m imu_workbench simulate {PAPER_PROFILE} --device dut1 --orientation x '
-        f'--rate 50 --seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
+        f'--rate 50 --seed {options.seed} -o {SIMULATED_RUN}  # the 50 Hz run by itself'
     )
     found = f'python -m imu_workbench auto {" ".join(growth["bags"])} -o better.yaml'
     show_progress('writing the page …')

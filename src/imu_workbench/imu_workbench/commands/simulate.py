@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""simulate: run a thermal profile with a simulated device and write the bags."""
+"""Run a thermal profile with a simulated device and write the bags."""
 
 from __future__ import annotations
 

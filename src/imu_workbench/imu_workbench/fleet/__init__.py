@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many devices: an engine over their bags, what they share, which are odd, how short will do."""
+"""Many devices: an engine over their bags, what they share, which are odd, how short is enough."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ LARGEST_ERROR_RATIO = 1.1
 MOST_DEVICES = 500
 """Devices the curve is made of; more do not change it."""
 BOOTSTRAP_DRAWS = 400
-SEED = 11
+BOOTSTRAP_SEED = 11
 UNMEASURED_VARIANCE = 1e12
 """Error variance of what was not measured, in variances of the lot."""
 
@@ -278,7 +278,9 @@ def _sensor_points(
     n = len(prior.mean)
     others = [[r for r in range(poses) if r != held] for held in range(poses)]
     reference = np.mean([by_time.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
-    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAP_DRAWS)
+    chosen = np.random.default_rng(BOOTSTRAP_SEED).multinomial(
+        n, np.full(n, 1.0 / n), BOOTSTRAP_DRAWS
+    )
     points = []
     for (k, share), run in runs.items():
         short = of_share[share].at(run.targets).weighted_by_precision()

@@ -171,7 +171,7 @@ def compact(folder: Path) -> None:
     """Write the newest rows of a lot into one file where it has many, then drop the others.
 
     Interrupted in between, old files stand beside the new one with the same rows: readers take
-    each device from one file, and the next run tidies up.
+    each device from one file, and the next call deletes them.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -193,6 +193,6 @@ def compact(folder: Path) -> None:
         kept = table.filter(pc.equal(table['written'], wanted))
         partial = home / '.part-whole.partial'
         pq.write_table(kept, partial, compression='zstd')
-        partial.replace(parts[-1])  # its name comes last: it wins over what is double
+        partial.replace(parts[-1])  # the last name: of rows that stand twice, these are read
         for part in parts[:-1]:
             part.unlink()

@@ -30,7 +30,7 @@ from thermal_comp.model.values import ThermalModel
 
 from imu_workbench.report.series import decimated
 
-START_S = 60.0
+START_ATTITUDE_S = 60.0
 """The start attitude is the mean over this long [s]."""
 EULER = ('yaw', 'pitch', 'roll')
 ANGLE_COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
@@ -43,7 +43,7 @@ RAW, MAGNETOMETER_ONLY, FULL = 'raw', 'magnetometer compensated', 'compensated'
 DRAWN_INPUTS = (RAW, FULL)
 """Inputs with lines and statistics of every cycle; others have statistics of the run only."""
 UNDRAWN_STRIDE = 10
-"""Of the others one row in so many is evaluated: enough for their spread."""
+"""Of the others every so many rows are evaluated: enough for a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     known = np.isfinite(orientation[:, 0])
     if not known.any():
         return angles
-    early = orientation[known & (seconds < seconds[np.argmax(known)] + START_S)]
+    early = orientation[known & (seconds < seconds[np.argmax(known)] + START_ATTITUDE_S)]
     signs = np.sign(early @ early[0])[:, None]
     start = conjugate(normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0)))
     rows = np.flatnonzero(known[::every])
@@ -250,7 +250,7 @@ def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
 
 
 def without_tracks(recording: ImuRecording) -> ImuRecording:
-    """Return the recording with what filters need and the cycle: copies become a third."""
+    """Return the recording with what filters need and the cycle: a third of the memory."""
     absent: dict[str, Any] = dict.fromkeys(UNFILTERED_TRACKS)
     return replace(recording, **absent)
 

@@ -332,7 +332,7 @@ def load_schema(path: Path) -> tuple[Any, str]:
 
 
 def validated(root: Any, schema: Any, path: Path) -> str:
-    """Return that the certificate conforms to the schema; raise UserError with the first fault."""
+    """Return a note that the certificate conforms to the schema; raise UserError with a fault."""
     if not schema.validate(root):
         fault = schema.error_log[0]
         raise UserError(f'{path}: the certificate does not hold to it: {fault.message}')

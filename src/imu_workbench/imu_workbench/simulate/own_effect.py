@@ -24,7 +24,7 @@ from thermal_comp.effects.effect import COUNT_UNIT, Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 
 DISTANCE_FROM_BOUNDS = 0.1
-"""Shapes are drawn this share of the range away from its ends: at an end half the effect shows."""
+"""Shapes are drawn this share of the range away from its ends, where runs show half an effect."""
 
 
 def own_effects(files: Sequence[Path]) -> Mapping[str, HiddenEffect]:

@@ -29,7 +29,7 @@ FIELD_JUMP_RATIO = 1.3
 
 
 def startups(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """All large channels of a device reach down to the same share of their mean."""
+    """Return devices whose large channels all reach down to the same share of their mean."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
         parts, where = [], []
@@ -71,7 +71,7 @@ def startups(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
 
 
 def flips(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """Gravity is on another axis, or the other way up, than in most segments of the device."""
+    """Return segments with gravity on another axis or of another sign than in most others."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
         ups = {r.segment: (r.axis, bool(r.mean > 0.0), r) for r in _gravity_axes(rows, dut)}
@@ -100,7 +100,7 @@ def flips(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
 
 
 def units(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """Say where a stated unit, or any unit, cannot be true of gravity and of the Earth's field."""
+    """Return quantities in a unit in which they are neither gravity nor the Earth's field."""
     found = []
     for quantity, (low, high), slack in (
         ('accelerometer', GRAVITY_RANGE, 1.0),
@@ -120,7 +120,7 @@ def units(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
 
 
 def field_jumps(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """The norm of the mean field changes between segments while gravity stays."""
+    """Return devices whose mean field changes its norm between segments."""
     found = []
     fields, forces = norms(rows, 'magnetometer'), norms(rows, 'accelerometer')
     for dut in dict.fromkeys(r.dut for r in rows):

@@ -48,7 +48,7 @@ def mean_outside(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
 
 
 def spread_beyond_range(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
-    """σ² ≤ (max − mean)(mean − min) for any distribution (Bhatia and Davis)."""
+    """Return rows whose σ² exceeds (max − mean)(mean − min), its bound (Bhatia and Davis)."""
     found = []
     for r in rows:
         above, below = r.high - r.mean + 2.0 * r.rounding, r.mean - r.low + 2.0 * r.rounding
@@ -99,7 +99,7 @@ LEAST_SPREAD_DIGITS = 5.0
 
 
 def repeated_columns(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
-    """Columns of one quantity that agree between devices in mean and σ of all axes.
+    """Return columns of one quantity that agree between devices in mean and σ of all axes.
 
     Columns that differ in last digits only count where others agree wholly.
     """

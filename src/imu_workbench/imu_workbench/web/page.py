@@ -107,8 +107,8 @@ class Page:
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
         ui.on('went', lambda event: self._went(str(event.args)))
         self._client.on_delete(self._leave)
-        self._client.content.props('inert')  # a press that nobody hears yet would be lost
-        self._show_parts()  # before the browser has loaded what figures need
+        self._client.content.props('inert')  # a press would be lost before handlers are known
+        self._show_parts()  # the browser is still loading plotly.js
         self._address(step=False)
         ui.timer(0.0, self._start_up, once=True)
 

@@ -93,7 +93,7 @@ class Plot:
             return
         options = options_of(figure, self._look)
         if self._element is not None:
-            if options != self._drawn:  # plotly.js takes as long for what is there already
+            if options != self._drawn:  # drawing the same again takes as long as drawing it first
                 self._element.update_figure(options)
                 self._reserve(options)
             self._drawn = options

@@ -17,7 +17,7 @@ MOST_FITTED_DEVICES = 4000
 """Devices the mixture is fitted to; the others are assigned."""
 WORSE_IN_A_ROW = 3
 """The search ends after so many numbers of clusters in a row without a smaller BIC."""
-SEED = 7
+MIXTURE_SEED = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clust
     values = np.hstack([vectors.coefficients for vectors in sensors])
     y = (values - np.median(values, axis=0)) / np.maximum(values.std(axis=0), 1e-300)
     seen = y[np.asarray(ordinary, dtype=bool)]
-    draw = np.random.default_rng(SEED)
+    draw = np.random.default_rng(MIXTURE_SEED)
     if len(seen) > MOST_FITTED_DEVICES:
         seen = seen[draw.choice(len(seen), MOST_FITTED_DEVICES, replace=False)]
     label = np.zeros(len(y), dtype=np.int64)
@@ -66,7 +66,9 @@ def _best_mixture(values: FloatArray) -> Any:
     for form in ('tied', 'full'):
         least, worse = np.inf, 0
         for count in range(1, min(MOST_CLUSTERS, len(values) // (2 * values.shape[1])) + 1):
-            mixture = GaussianMixture(count, covariance_type=form, n_init=2, random_state=SEED)
+            mixture = GaussianMixture(
+                count, covariance_type=form, n_init=2, random_state=MIXTURE_SEED
+            )
             bic = float(mixture.fit(values).bic(values))
             found.append((bic, mixture))
             worse = 0 if bic < least else worse + 1

@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 from imu_workbench.fleet.table import FleetTable
 
 DEVICE_SHARES = np.linspace(0.025, 1.0, 40)
-"""Grid of π, each as probable as the next."""
+"""Grid of π, all equally probable beforehand."""
 VARIANCE_RATIOS = np.geomspace(0.25, 1e5, 24)
 """Grid of g."""
 NAMED_PROBABILITY = 0.95

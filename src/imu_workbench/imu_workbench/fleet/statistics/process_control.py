@@ -120,7 +120,7 @@ def control_chart(values: FloatArray) -> ControlChart:
     (6,)
     """
     steps = np.abs(np.diff(values))
-    # One wild value makes two wild steps: the median of the ranges does not see it.
+    # One outlier enlarges two ranges and hardly changes their median.
     sigma = float(min(steps.mean() / MEAN_MOVING_RANGE, np.median(steps) / MEDIAN_MOVING_RANGE))
     centre = float(np.median(values))
     side = np.sign(values - centre)

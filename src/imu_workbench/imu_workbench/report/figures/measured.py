@@ -18,7 +18,7 @@ TRACK_LOOK: dict[str, dict[str, Any]] = {
 TRACE_KEYS = ('showlegend', 'legendgroup', 'opacity', 'hoverinfo', 'hovertemplate')
 """What `curve` takes for the trace; everything else is the line's."""
 LEAST_MARK_WIDTH = 0.04
-"""Part of the width that a label above the plan needs."""
+"""Share of the figure's width that a label above the plan needs."""
 PHASE_NAMES = {
     'precondition': 'preconditioning (reference)',
     'ramp_down': 'ramp down',

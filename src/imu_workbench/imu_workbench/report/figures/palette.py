@@ -2,11 +2,10 @@
 """Colours by meaning, for a light and a dark page.
 
 After Okabe and Ito (2008), "Color Universal Design"; what is drawn over each other is told apart
-by deuteranopes too. The dark theme takes the lighter relatives. What was measured is grey, what
-the model makes of it has the text's colour, temperatures share one colour and differ by dash.
-Devices, and filters, have six colours of their own that are no axis's: among muted ones those
-that differ most from each other, as everybody and as deuteranopes see them.
-Figures write '@name'; the page puts the theme's colour in.
+by deuteranopes too. The dark theme has lighter colours of the same hues. What was measured is
+grey, the model has the text's colour, temperatures share one colour and differ by dash. Devices
+and filters have six muted colours, none of them an axis's, that differ most from each other for
+deuteranopes and for everybody else. Figures write '@name'; the page puts the theme's colour in.
 """
 
 from __future__ import annotations

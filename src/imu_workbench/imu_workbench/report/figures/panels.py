@@ -10,7 +10,7 @@ from typing import Any
 Figure = dict[str, Any]
 """Plotly specification: data, layout, and `narrow`, what a phone's layout changes."""
 
-TOP, BOTTOM = 52, 50
+TOP_PX, BOTTOM_PX = 52, 50
 """Margins above (legend, title) and below (ticks, axis title) the panels [px]."""
 TOOLBAR_PX = 32
 """Height of plotly's toolbar in the upper right corner [px]."""
@@ -65,13 +65,13 @@ def figure(
     extra = _legend_height(data, 300)
     spec = _look() | {
         'height': wide.total,
-        'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP, 'b': BOTTOM},
+        'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP_PX, 'b': BOTTOM_PX},
         'annotations': [*annotations, *_titles(panels, wide)],
         **layout,
     }
     small: dict[str, Any] = {
         'height': narrow.total + extra,
-        'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP + extra, 'b': BOTTOM},
+        'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP_PX + extra, 'b': BOTTOM_PX},
         'font': {'size': 11},
         'annotations': [*annotations, *_titles(panels, narrow)],
     }
@@ -131,7 +131,7 @@ class _Grid:
         self.rows = -(-panels // self.columns)
         self.inner = self.rows * height + (self.rows - 1) * gap
         self.height, self.gap = height, gap
-        self.total = self.inner + TOP + BOTTOM
+        self.total = self.inner + TOP_PX + BOTTOM_PX
 
     def domain(self, index: int) -> tuple[list[float], list[float]]:
         row, column = divmod(index, self.columns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sections on the whole: summary, claims, the paper's own numbers, how to reproduce."""
+"""Sections about the whole report: summary, claims, the paper's own numbers, how to reproduce."""
 
 from __future__ import annotations
 

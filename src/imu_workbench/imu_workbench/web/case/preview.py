@@ -99,7 +99,7 @@ def explained_by(
 ) -> tuple[dict[str, FloatArray], tuple[float, float, float]]:
     """Return what the effect explains beyond levels and base, per run (m, 3), and its share.
 
-    Ordinary least squares, axis by axis: a picture, not an estimate.
+    Ordinary least squares, axis by axis: for a figure, not as an estimate.
     """
     measured = [run.measured[sensor] for run in runs]
     edges = np.cumsum([0, *(len(rows) for rows in measured)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The right rail: what may be missing in the sensor looked at, most probable first."""
+"""The column on the right: what may be missing in the sensor looked at, most probable first."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bottom of the page: the tree of versions, the staircase of errors, the coefficients."""
+"""The bottom of the page: the tree of versions, the error of each, the coefficients."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class VersionsPanel:
                     ui.label(text).classes('note')
 
     def draw(self) -> None:
-        """Draw the staircase: once it is known how the browser shows figures."""
+        """Draw the error of each version, once it is known how the browser shows figures."""
         work = self._session.work
         path = work.case.path_to(self._session.version_name) if work else []
         if path != self._path:
@@ -148,7 +148,7 @@ class VersionsPanel:
             self._staircase.show(error_steps_figure(path) if path else None)
 
     def repaint(self) -> None:
-        """Draw the staircase in the present look."""
+        """Draw the error of each version in the present look."""
         self._staircase.repaint()
 
     def _show_tree(self, tree: Sequence[tuple[CaseVersion, int]]) -> None:

@@ -199,7 +199,7 @@ def shared_listener() -> Listener:
 
 @atexit.register
 def close_listener() -> None:
-    """Stop the shared listener, if there is one: a process that ends while it waits aborts."""
+    """Stop the shared listener: a process that ends while its thread waits is aborted."""
     for listener in _shared:
         listener.close()
     _shared.clear()

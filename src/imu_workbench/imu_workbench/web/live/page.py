@@ -196,9 +196,9 @@ class LivePage:
     # Updates ----------------------------------------------------------------------------------
 
     async def _tick(self) -> None:
-        """Bring the page up to date, then wait until the browser has drawn it and rested.
+        """Bring the page up to date, wait until the browser has drawn it, then pause.
 
-        A slow or hidden browser is sent less, never more than it can show.
+        A slow or hidden browser is so sent no more than it can show.
         """
         if not self.active:
             return

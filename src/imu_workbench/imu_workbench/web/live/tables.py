@@ -29,7 +29,7 @@ from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
-"""Decimals in display units: a tenth of the noise of a second's mean."""
+"""Decimals in display units: the last digit is a tenth of the noise of a second's mean."""
 DRIFT_NOISE_RATIO = 1.5
 """Ratio to the noise from which a static residual is more: flicker alone reaches 1.3."""
 MEASURED_ROLES = ('raw', 'compensated', 'raw_field', 'compensated_field')

@@ -55,7 +55,7 @@ class ResultCache:
     ) -> Any:
         """Return the function's value for this key, computed in a worker if it is not known.
 
-        All who ask for the same at the same time share one job: its value, or its end.
+        All who ask for the same at the same time share one job: its value or its error.
         """
         full = (function.__name__, key)
         if full in self._results:
