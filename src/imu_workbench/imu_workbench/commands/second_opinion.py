@@ -46,7 +46,7 @@ EPILOG = (
     '  python -m imu_workbench second-opinion warmup/imu0 --autopilot ardupilot'
 )
 AUTOPILOT_NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
-UNITS: dict[Sensor, tuple[float, str]] = {
+AUTOPILOT_UNITS: dict[Sensor, tuple[float, str]] = {
     'accelerometer': (1e3 / STANDARD_GRAVITY, 'mg'),
     'gyroscope': (180.0 / np.pi, '°/s'),
 }
@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> Answer:
     across, said = _across(opinions)
     lines += said
     if options.plot:
-        opinion_picture(opinions, UNITS).savefig(options.plot, dpi=120)
+        opinion_picture(opinions, AUTOPILOT_UNITS).savefig(options.plot, dpi=120)
         lines.append(f'wrote {options.plot}')
     content = {'schema': 1, 'imus': rows, 'other_logs': across, 'plot': options.plot}
     return Answer(content, '\n'.join(lines))
@@ -248,11 +248,11 @@ def _times_floor(part: SensorOpinion, errors: np.ndarray[Any, Any]) -> float:
 
 
 def _in_units(sensor: Sensor, value: float) -> str:
-    factor, unit = UNITS[sensor]
+    factor, unit = AUTOPILOT_UNITS[sensor]
     return f'{shown(factor * value, 2)} {unit}'
 
 
 def _band(sensor: Sensor, percentiles: np.ndarray[Any, Any]) -> str:
-    factor, unit = UNITS[sensor]
+    factor, unit = AUTOPILOT_UNITS[sensor]
     low, _, high = (shown(factor * value, 2) for value in percentiles)
     return f'{low} … {high} {unit}'

@@ -43,7 +43,7 @@ from imu_workbench.isolated_context import quiet_context
 FIRST_START_NS = 1_767_225_600 * SECOND_NS
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
 DAY_NS = 86_400 * SECOND_NS
-TYPES = {
+DRIVER_MESSAGE_TYPES = {
     topic: TRACK_OF_TOPIC[topic].message_type
     for topic in (IMU_TOPIC, MAGNETIC_TOPIC, TEMPERATURE_TOPIC)
 }
@@ -153,7 +153,7 @@ class _NodeRun:
         if topic in self._listeners:
             self._listeners[topic](message)
         if isinstance(message, bytes):
-            self._record(topic, TYPES[name], message)
+            self._record(topic, DRIVER_MESSAGE_TYPES[name], message)
         elif not name.startswith('/'):
             self._record(topic, type_of(message), message)
 

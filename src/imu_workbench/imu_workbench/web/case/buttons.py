@@ -10,7 +10,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-PRESSED = """(event) => {
+PRESS_HANDLER_JS = """(event) => {
     const button = event.target.closest('[data-act]');
     if (button) emit(button.dataset.act);
 }"""
@@ -25,7 +25,7 @@ class Buttons:
 
     def __init__(self, part: ui.element) -> None:
         self._acts: dict[str, Callable[[], Any]] = {}
-        part.on('click', self._press, js_handler=PRESSED)
+        part.on('click', self._press, js_handler=PRESS_HANDLER_JS)
         part.props('data-acts')
 
     def add(self, label: str, key: str, act: Callable[[], Any]) -> ui.button:
