@@ -46,11 +46,9 @@ from orientation_filters.rotation.scalars import (
     Symmetric,
     Vector,
     attitude_from_vectors,
-    from_rotation_vector,
     matrix,
-    multiply,
-    scale,
     subtract,
+    turned_at,
 )
 from orientation_filters.sample_checks import (
     CheckedSample,
@@ -100,7 +98,9 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
     if params.adaptive:
         predicted = integrate(state.orientation, state.bias, state.adaptive.averages, seen)
         return adaptive_update(state, params, seen, predicted, flags)
-    return kalman_update(state, params, seen, _integrate(state, seen), flags)
+    rate = subtract(seen.angular_velocity, state.bias)
+    predicted = turned_at(state.orientation, rate, seen.interval)
+    return kalman_update(state, params, seen, predicted, flags)
 
 
 @inline
@@ -128,13 +128,6 @@ def start(state: State, params: Params, seen: CheckedSample, flags: int) -> tupl
         field_stamp=seen.stamp if seen.has_force and seen.has_field else -1,
         adaptive=adaptive,
     ), flags
-
-
-@inline
-def _integrate(state: State, seen: CheckedSample) -> Quaternion:
-    """Return the attitude carried on by the gyroscope."""
-    rate = subtract(seen.angular_velocity, state.bias)
-    return multiply(state.orientation, from_rotation_vector(scale(seen.interval, rate)))
 
 
 @inline

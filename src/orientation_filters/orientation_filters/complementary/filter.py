@@ -50,13 +50,12 @@ from orientation_filters.rotation.scalars import (
     Symmetric,
     Vector,
     attitude_from_vectors,
-    from_rotation_vector,
     matrix,
-    multiply,
     normalised,
     scale,
     subtract,
     transform,
+    turned_at,
 )
 from orientation_filters.sample_checks import (
     CheckedSample,
@@ -118,7 +117,8 @@ def _update(
         return _start(state, params, seen, flags)
     if adaptive:
         return _adapt(state, params, seen, flags)
-    predicted = _integrate(state, seen)
+    rate = subtract(seen.angular_velocity, state.bias)
+    predicted = turned_at(state.orientation, rate, seen.interval)
     rows = matrix(predicted)
     tilt = inclination_correction(params, seen, rows)
     turn = heading_correction(params, seen, rows, tilt.gain)
@@ -185,13 +185,6 @@ def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
         disturbance=0.0,
         adaptive=adaptive,
     ), flags
-
-
-@inline
-def _integrate(state: State, seen: CheckedSample) -> Quaternion:
-    """Return the attitude carried on by the gyroscope."""
-    rate = subtract(seen.angular_velocity, state.bias)
-    return multiply(state.orientation, from_rotation_vector(scale(seen.interval, rate)))
 
 
 @inline

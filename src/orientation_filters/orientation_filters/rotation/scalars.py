@@ -115,6 +115,12 @@ def from_rotation_vector(v: Vector) -> Quaternion:
 
 
 @inline
+def turned_at(q: Quaternion, rate: Vector, interval: float) -> Quaternion:
+    """Return the attitude after an interval [s] at an angular velocity [rad/s], sensor frame."""
+    return multiply(q, from_rotation_vector(scale(interval, rate)))
+
+
+@inline
 def matrix(q: Quaternion) -> Matrix:
     """Return the rows of the rotation matrix sensor → world."""
     x, y, z, w = q

@@ -37,6 +37,7 @@ from orientation_filters.rotation.scalars import (
     scale,
     subtract,
     transform,
+    turned_at,
 )
 from orientation_filters.sample_checks import CheckedSample
 from orientation_filters.step_averages.variance_factors import VarianceFactors, no_factors
@@ -259,7 +260,7 @@ def held(
     )
     c = covariance
     return (
-        normalised(multiply(q, from_rotation_vector(scale(interval, rate)))),
+        normalised(turned_at(q, rate, interval)),
         (c[0] + grown, c[1], c[2], c[3] + grown, c[4], c[5] + grown),
     )
 
