@@ -71,8 +71,8 @@ def _content(path: str) -> dict[str, dict[str, Any]]:
     except OSError as error:
         raise BoardsError(f'boards:={path}: {error.strerror}') from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        told = ' '.join(str(error).split())
-        raise BoardsError(f'{path}: no YAML, expected {FILE_FORMAT} ({told})') from None
+        reason = ' '.join(str(error).split())
+        raise BoardsError(f'{path}: no YAML, expected {FILE_FORMAT} ({reason})') from None
     if not isinstance(content, dict) or not content:
         raise BoardsError(f'{path}: no boards, expected {FILE_FORMAT}')
     for namespace, own in content.items():

@@ -78,8 +78,8 @@ class ImuChainNode(ConfiguredNode):
         super().__init__('imu_chain', known_elsewhere=PARAMETERS, **options)
         self._built = config_from_values(ChainConfig, self._values())
         options.pop('parameters', None)
-        told = PARAMETERS | self._parameter_overrides.keys()  # by this node, where unknown
-        shared = {**options, 'exchange': Exchange(), 'known_elsewhere': told}
+        known = PARAMETERS | self._parameter_overrides.keys()  # this node names unknown ones
+        shared = {**options, 'exchange': Exchange(), 'known_elsewhere': known}
         self.hosted = self._stages(self._built, shared)
 
     def _stages(self, config: ChainConfig, shared: dict[str, Any]) -> list[ConfiguredNode]:

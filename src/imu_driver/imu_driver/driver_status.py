@@ -58,8 +58,8 @@ class DriverStatus:
         errors = _errors(session, reader, now)
         warnings = _warnings(session, rate, driver.statistics.temperature)
         if recent:
-            told = ', '.join(f'{number} {key}' for key, number in recent.items())
-            warnings.append(f'in the last {WARNING_CALLS} s: {told}')
+            counts = ', '.join(f'{number} {key}' for key, number in recent.items())
+            warnings.append(f'in the last {WARNING_CALLS} s: {counts}')
         if errors:
             return ERROR, '; '.join(errors + warnings), values
         if warnings:

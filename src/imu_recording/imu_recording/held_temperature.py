@@ -95,5 +95,7 @@ def _period(rows_between: IntArray, steps: FloatArray) -> float:
     if float(np.mean(steps > UNEVEN_STEP_RATIO * least)) > 1.0 - ON_TIME_SHARE:
         return period
     longer = (count > 1.0) & (count <= 10.0)
-    told = period > 2.0 * tolerance / CHANCE_PROBABILITY and int(longer.sum()) >= LONG_INTERVALS
-    return period if told and on_time[longer].mean() >= ON_TIME_SHARE else 0.0
+    is_significant = (
+        period > 2.0 * tolerance / CHANCE_PROBABILITY and int(longer.sum()) >= LONG_INTERVALS
+    )
+    return period if is_significant and on_time[longer].mean() >= ON_TIME_SHARE else 0.0

@@ -159,16 +159,16 @@ class ImuRecording:
 
     def __repr__(self) -> str:
         """Return what was recorded, in a line: device, run, samples, span, tracks."""
-        told = self.to_dict()
-        rate = f' at {told["rate_hz"]:.4g} Hz' if told['rate_hz'] else ''
+        summary = self.to_dict()
+        rate = f' at {summary["rate_hz"]:.4g} Hz' if summary['rate_hz'] else ''
         known = self.temperature[np.isfinite(self.temperature)]
-        warmth = f', die {known.min():.1f} … {known.max():.1f} °C' if len(known) else ''
+        die = f', die {known.min():.1f} … {known.max():.1f} °C' if len(known) else ''
         return (
             f'ImuRecording({self.device or "device not named"}, '
             f'{self.run or self.source or "run not named"}'
             f'{", " + self.up_axis + " up" if self.up_axis else ""}: {len(self)} samples{rate}, '
-            f'{told["duration_s"] / 3600.0:.3g} h{warmth}; '
-            f'{", ".join(told["channels"]) or "no further track"})'
+            f'{summary["duration_s"] / 3600.0:.3g} h{die}; '
+            f'{", ".join(summary["channels"]) or "no further track"})'
         )
 
     def _repr_html_(self) -> str:

@@ -216,8 +216,8 @@ class DeviceSession:
             self._refuse(f'the device sends no serial number, {self.config.device} is wanted')
             return
         full_scale = {**DEFAULT_FULL_SCALE, **self.config.full_scale}
-        told = ', '.join(f'{sensor} {full_scale[sensor]:g}' for sensor in SENSORS)
-        self.events.append(f'the device sends no information: full scales assumed: {told}')
+        assumed = ', '.join(f'{sensor} {full_scale[sensor]:g}' for sensor in SENSORS)
+        self.events.append(f'the device sends no information: full scales assumed: {assumed}')
         self.set_up.give_up()
         self._identified = True
         self._set_scale(full_scale, self._held[-1][0].configuration)

@@ -62,9 +62,9 @@ class DeviceSetUp:
         """Queue commands for every setting of the device that is not the one wanted."""
         if self._pending or self._queue or now < self._retry_at:
             return
-        for sensor, told in zip(SENSORS, frame.full_scale, strict=True):
+        for sensor, current in zip(SENSORS, frame.full_scale, strict=True):
             wanted = self._full_scale.get(sensor, 0.0)
-            if wanted and wanted != told:
+            if wanted and wanted != current:
                 self.request(FULL_SCALE_COMMANDS[sensor], round(wanted))
         wanted = round(self._output_data_rate * 1e3)
         if wanted and wanted != frame.output_data_rate:

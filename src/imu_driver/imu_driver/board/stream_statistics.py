@@ -132,13 +132,13 @@ class SixPositionCheck:
         axis, mean = statistics.up_axis()
         self._readings[axis] = [float(value) for value in mean]
         reading = ', '.join(f'{value:.2f}' for value in mean)
-        told = f'{axis} is up, reads [{reading}] m/s²'
+        position = f'{axis} is up, reads [{reading}] m/s²'
         missing = [name for name in UP_AXES if name not in self._readings]
         if missing:
-            return f'{told}; missing: {", ".join(missing)}'
+            return f'{position}; missing: {", ".join(missing)}'
         faults = check_six_positions(self._readings)
         self._readings = {}
-        return f'{told}; all six positions: {"; ".join(faults) or "right"}'
+        return f'{position}; all six positions: {"; ".join(faults) or "right"}'
 
 
 def up_axis(linear_acceleration: Sequence[float]) -> str:

@@ -224,13 +224,13 @@ def _frame_id(by_name: Mapping[str, TopicColumns], notes: list[str]) -> str:
     return frame
 
 
-def _up_axis(told: str, linear_acceleration: FloatArray, notes: list[str]) -> str:
+def _up_axis(stated: str, linear_acceleration: FloatArray, notes: list[str]) -> str:
     inferred = infer_up_axis(linear_acceleration)
-    if told and told not in UP_AXES:
-        notes.append(f'up_axis {told!r} in the metadata is none of {", ".join(UP_AXES)}')
-        told = ''
-    if not told and inferred:
+    if stated and stated not in UP_AXES:
+        notes.append(f'up_axis {stated!r} in the metadata is none of {", ".join(UP_AXES)}')
+        stated = ''
+    if not stated and inferred:
         notes.append(f'up_axis {inferred} is inferred from gravity')
-    if told and inferred and told != inferred:
-        notes.append(f'up_axis is {told} in the metadata, gravity says {inferred}')
-    return told or inferred
+    if stated and inferred and stated != inferred:
+        notes.append(f'up_axis is {stated} in the metadata, gravity says {inferred}')
+    return stated or inferred

@@ -53,9 +53,9 @@ def read_bag(
     space, chosen = choose_topics(types, namespace, remap, name)
     metadata = _metadata(bags, space)
     columns = {topic: TopicColumns(track, topic, counts[topic]) for topic, track in chosen.items()}
-    told = _applied_topic(types, chosen)
-    if told:
-        columns[told] = TopicColumns(Track(APPLIED_MODEL, STRING, ()), told, 1)
+    applied_topic = _applied_topic(types, chosen)
+    if applied_topic:
+        columns[applied_topic] = TopicColumns(Track(APPLIED_MODEL, STRING, ()), applied_topic, 1)
     notes = [note for bag in bags for note in bag.notes]
     notes += _temperature_topics(types, chosen)
     notes += [
@@ -70,12 +70,14 @@ def read_bag(
             except OSError as error:
                 raise BagError(f'{file.path}: {error.strerror or error}') from None
     _refuse_empty(name, columns)
-    applied = columns.pop(told).texts if told else []
-    if applied:
-        metadata['compensated'] = applied[-1]
-        if len(set(applied)) > 1:
-            names = ', '.join(sorted({text or 'none' for text in applied}))
-            notes.append(f'{told}: not one model was subtracted from all of it, but {names}')
+    models = columns.pop(applied_topic).texts if applied_topic else []
+    if models:
+        metadata['compensated'] = models[-1]
+        if len(set(models)) > 1:
+            names = ', '.join(sorted({text or 'none' for text in models}))
+            notes.append(
+                f'{applied_topic}: not one model was subtracted from all of it, but {names}'
+            )
     elif metadata.get('compensated') and _is_raw(types, space, chosen):
         del metadata['compensated']
     return assemble_recording(columns, metadata, space, name, notes)
@@ -195,8 +197,8 @@ def lost_note(lost: str, space: str) -> str:
         for topic, _, number in pairs
         if number.isdecimal() and topic.startswith((f'{space}/', '/chamber/'))
     }
-    told = ', '.join(f'{number} on {topic}' for topic, number in counts.items())
-    return f'the recorder lost {sum(counts.values())} messages: {told}' if counts else ''
+    listed = ', '.join(f'{number} on {topic}' for topic, number in counts.items())
+    return f'the recorder lost {sum(counts.values())} messages: {listed}' if counts else ''
 
 
 def _refuse_empty(name: str, columns: Mapping[str, TopicColumns]) -> None:

@@ -226,12 +226,12 @@ def _opened(path: Path, named: Path | None = None) -> Any:
 def _silence() -> Iterator[None]:
     """Drop what the parser, compiled code in part, says of damage: a line per byte."""
     sys.stderr.flush()
-    kept, said = os.dup(2), io.StringIO()
+    kept, printed = os.dup(2), io.StringIO()
     try:
         with (
             Path(os.devnull).open('wb') as nothing,
-            contextlib.redirect_stderr(said),
-            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(printed),
+            contextlib.redirect_stdout(printed),
         ):
             os.dup2(nothing.fileno(), 2)
             yield

@@ -39,14 +39,14 @@ def power_on(time: IntArray, unix: FloatArray, fix: Any) -> int | None:
 
     `time`: (n,) of the log [ns], `unix`: (n,) told by the receiver then [s], `fix`: (n,) status.
     """
-    told = (
+    usable = (
         (np.asarray(fix) >= POSITION_FIX_STATUS)
         & (unix > POSSIBLE_DATES_S[0])
         & (unix < POSSIBLE_DATES_S[1])
     )
-    if not told.any():
+    if not usable.any():
         return None
-    zero = unix[told] - time[told] * 1e-9
+    zero = unix[usable] - time[usable] * 1e-9
     middle = float(np.median(zero))
     if float(np.median(np.abs(zero - middle))) > LARGEST_SPREAD_S:
         return None

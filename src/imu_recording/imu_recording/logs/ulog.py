@@ -65,8 +65,8 @@ def read_ulog(
     `most_rows` samples is averaged to at most that many.
     """
     long = path.stat().st_size >= whole_below
-    log, said = _opened(path, header_only=long)
-    data, notes = _streamed(path, log, most_rows) if long else _held(path, log, said)
+    log, printed = _opened(path, header_only=long)
+    data, notes = _streamed(path, log, most_rows) if long else _held(path, log, printed)
     zero = _power_on(data)
     data = {key: item for key, item in data.items() if key[0] in COLUMNS_OF_TOPIC}
     for (topic, instance), item in data.items():
@@ -103,9 +103,9 @@ def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
     return None
 
 
-def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
+def _held(path: Path, log: Any, printed: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a log that was read as a whole, and notes."""
-    damaged = log.file_corruption or 'corruption' in said
+    damaged = log.file_corruption or 'corruption' in printed
     lost = sum(dropout.duration for dropout in log.dropouts)
     data = {(item.name, item.multi_id): item.data for item in log.data_list}
     notes = _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
@@ -175,16 +175,16 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
                 self._furthest = following
             return damaged
 
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said):
+        with contextlib.redirect_stdout(printed):
             topics = [*TOPICS, *CLOCK_COLUMNS]
             log = Parser(str(path), message_name_filter_list=topics, parse_header_only=header_only)
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         raise LogError(
             f'{path}: damaged, cannot be read ({type(error).__name__}: {error})'
         ) from None
-    return log, said.getvalue()
+    return log, printed.getvalue()
 
 
 def _imus(path: Path, data: Mapping[tuple[str, int], Mapping[str, Any]]) -> list[LoggedImu]:

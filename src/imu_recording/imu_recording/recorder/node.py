@@ -110,13 +110,13 @@ class RecorderNode(ConfiguredNode):
             if is_measured(topic) and topic not in heard and self.count_publishers(topic)
         ]
         missing = missing_topics(self.config.topics, [*self.inputs, *self.unknown])
-        told = [nothing_heard(topic, 0, others) for topic in missing]
-        if not told and not heard:
+        reasons = [nothing_heard(topic, 0, others) for topic in missing]
+        if not reasons and not heard:
             wanted = ', '.join(self.recorder.plan.topics) or 'what could be recorded'
-            told = [nothing_heard(wanted, 0, others)]
-        elif not told and not self.recorder.messages:
-            told = [nothing_heard(heard[0], 1, others)]
-        return '; '.join(told)
+            reasons = [nothing_heard(wanted, 0, others)]
+        elif not reasons and not self.recorder.messages:
+            reasons = [nothing_heard(heard[0], 1, others)]
+        return '; '.join(reasons)
 
     # Recording --------------------------------------------------------------------------------
 

@@ -103,8 +103,8 @@ class RunRecorder:
     def note_losses(self, lost: Mapping[str, int]) -> None:
         """Say in the bag's metadata how many messages of each topic did not arrive."""
         if self._bag is not None and lost:
-            told = ', '.join(f'{topic} {number}' for topic, number in lost.items())
-            self._bag.note(MESSAGES_LOST, told)
+            listed = ', '.join(f'{topic} {number}' for topic, number in lost.items())
+            self._bag.note(MESSAGES_LOST, listed)
 
     def note(self, key: str, value: str) -> None:
         """Say in the metadata of this bag and of all that follow where the data come from."""

@@ -94,15 +94,15 @@ class Losses:
         before = self._past[0] if self._past else (0, 0)
         self._past.append(now)
         counted: dict[str, Any] = {'messages_dropped': now[0], 'samples_missing': now[1]}
-        told = [
+        rises = [
             f'{new - old} {word}'
             for new, old, word in zip(
                 now, before, ('messages dropped', 'samples missing'), strict=True
             )
             if new > old
         ]
-        if told:
-            lost = f'{", ".join(told)} in the last {REMEMBERED_CALLS} s'
+        if rises:
+            lost = f'{", ".join(rises)} in the last {REMEMBERED_CALLS} s'
             level, line = max(level, 1), f'{lost}; {line}'
         return level, line, values | counted
 

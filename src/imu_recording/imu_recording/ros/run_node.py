@@ -221,8 +221,8 @@ def _parameter(item: Field[Any]) -> str:
     mark = ' *' if about['dynamic'] else ''
     text = f'{about["description"]}{unit}{allowed}{choices}'
     indent = ' ' * 6
-    told = textwrap.fill(text, HELP_WIDTH, initial_indent=indent, subsequent_indent=indent)
-    return f'  {item.name}:={_shown(default_of(item))}{mark}\n{told}'
+    meaning = textwrap.fill(text, HELP_WIDTH, initial_indent=indent, subsequent_indent=indent)
+    return f'  {item.name}:={_shown(default_of(item))}{mark}\n{meaning}'
 
 
 def _shown(value: Any) -> str:

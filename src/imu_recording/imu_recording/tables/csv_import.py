@@ -61,8 +61,8 @@ def import_csv(
     MappingError naming the key.
     """
     path = Path(csv_path)
-    told = _mapping(mapping)
-    samples, names, notes = _read(path, told, rows)
+    checked = _mapping(mapping)
+    samples, names, notes = _read(path, checked, rows)
     inside = rows.within(samples.stamp)
     if not inside.any():
         raise BagError(f'{path}: no row between --from and --to')
@@ -79,48 +79,48 @@ def import_csv(
             if field in found:
                 raise BagError(f'{field} is in {other} and in another file: map it in one only')
         found |= joined
-    return _recording(path, told, samples.stamp, found, notes)
+    return _recording(path, checked, samples.stamp, found, notes)
 
 
-def _read(path: Path, told: CsvMapping, rows: RowRange) -> tuple[Samples, list[str], list[str]]:
+def _read(path: Path, mapping: CsvMapping, rows: RowRange) -> tuple[Samples, list[str], list[str]]:
     """Return the samples of a file, the field of each of their groups, and notes."""
-    names = [told.time_column, *(column.column for column in told.columns)]
-    table, notes = read_table(path, told, names, rows)
+    names = [mapping.time_column, *(column.column for column in mapping.columns)]
+    table, notes = read_table(path, mapping, names, rows)
     if rows.by_line and not len(table):
         raise BagError(f'{path}: no row between --from and --to')
-    stamp, kept = _stamps(path, table[:, 0], told, notes)
-    fields = fields_of(told, table[kept])
+    stamp, kept = _stamps(path, table[:, 0], mapping, notes)
+    fields = fields_of(mapping, table[kept])
     samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
     if len(stamp) > 1 and len(samples.stamp) == 1 and not np.ptp(stamp):
         raise BagError(
-            f'{path}: column {told.time_column!r} holds the same time in all {len(stamp)} rows; '
-            'is it the time? (time: column in the mapping)'
+            f'{path}: column {mapping.time_column!r} holds the same time in all '
+            f'{len(stamp)} rows; is it the time? (time: column in the mapping)'
         )
     if rows.by_line:
         notes.append('rows before --from and after --to were not read')
-    told_of = [
+    clock_notes = [
         f'{note}; another --from or --to takes those' if CLOCK_SET_BACK in note else note
         for note in samples.notes
     ]
-    return samples, list(fields), [*notes, *told_of]
+    return samples, list(fields), [*notes, *clock_notes]
 
 
 def _joined(
-    path: Path, told: CsvMapping, rows: IntArray, notes: list[str]
+    path: Path, mapping: CsvMapping, rows: IntArray, notes: list[str]
 ) -> dict[str, FloatArray | IntArray]:
     """Return the channels of a further file on the rows (n,) [ns], by field.
 
     Vectors of accelerometer and gyroscope are interpolated, the others are held for ten of their
     own periods at most.
     """
-    samples, names, said = _read(path, told, ALL_ROWS)
-    notes += [f'{path.name}: {note}' for note in said]
+    samples, names, own_notes = _read(path, mapping, ALL_ROWS)
+    notes += [f'{path.name}: {note}' for note in own_notes]
     _refuse_apart(path, rows, samples.stamp)
     since = (samples.stamp[0] - rows[0]) * 1e-9
     notes.append(
         f'{path.name}: {len(samples.stamp)} samples joined by time, the first '
         f'{abs(since):.3f} s {"after" if since > 0.0 else "before"} the first row '
-        f'(offset {told.time_offset:.3f} s)'
+        f'(offset {mapping.time_offset:.3f} s)'
     )
     stale = int(HELD_PERIODS * np.median(np.diff(samples.stamp))) if len(samples.stamp) > 1 else 0
     found: dict[str, FloatArray | IntArray] = {}
@@ -171,31 +171,31 @@ def _mapping(mapping: MappingLike, *, beside: bool = False) -> CsvMapping:
 
 
 def _stamps(
-    path: Path, time: FloatArray, told: CsvMapping, notes: list[str]
+    path: Path, time: FloatArray, mapping: CsvMapping, notes: list[str]
 ) -> tuple[IntArray, Any]:
     kept = np.isfinite(time)
     lost = len(time) - int(kept.sum())
     if lost:
         notes.append(f'{lost} rows without a time left out')
     if not kept.any():
-        raise BagError(f'{path}: no row with a time in column {told.time_column!r}')
-    unit = 1e9 if told.time_unit == ISO_TIME else TIME_UNITS[told.time_unit]
+        raise BagError(f'{path}: no row with a time in column {mapping.time_column!r}')
+    unit = 1e9 if mapping.time_unit == ISO_TIME else TIME_UNITS[mapping.time_unit]
     taken = time[kept]
     worst = float(np.abs(taken).max())
-    if worst * unit + abs(told.time_offset) * 1e9 > LATEST_STAMP_NS:
+    if worst * unit + abs(mapping.time_offset) * 1e9 > LATEST_STAMP_NS:
         raise BagError(
-            f'{path}, column {told.time_column!r}: {worst:g} {told.time_unit} is no time; '
+            f'{path}, column {mapping.time_column!r}: {worst:g} {mapping.time_unit} is no time; '
             'is its unit right?'
         )
     whole = np.floor(taken)
     stamp = whole.astype(np.int64) * int(unit) + np.rint((taken - whole) * unit).astype(np.int64)
-    return stamp + round(told.time_offset * 1e9), kept
+    return stamp + round(mapping.time_offset * 1e9), kept
 
 
-def fields_of(told: CsvMapping, table: FloatArray) -> dict[str, FloatArray]:
+def fields_of(mapping: CsvMapping, table: FloatArray) -> dict[str, FloatArray]:
     """Return (n, k) of each field in its unit; `table`: (n, 1 + columns), the time first."""
     fields: dict[str, FloatArray] = {}
-    for place, column in enumerate(told.columns, start=1):
+    for place, column in enumerate(mapping.columns, start=1):
         width = 3 if column.field in VECTOR_FIELDS else 1
         values = fields.setdefault(column.field, np.empty((len(table), width)))
         values[:, column.axis] = table[:, place] * column.factor + column.offset
@@ -221,7 +221,7 @@ def _note_missing(field: str, values: FloatArray, notes: list[str]) -> None:
 
 
 def _recording(
-    path: Path, told: CsvMapping, stamp: IntArray, found: dict[str, Any], notes: list[str]
+    path: Path, mapping: CsvMapping, stamp: IntArray, found: dict[str, Any], notes: list[str]
 ) -> ImuRecording:
     n = len(stamp)
     for field in MEASURED_FIELDS:
@@ -242,7 +242,7 @@ def _recording(
         time = (stamp - stamp[0]) * 1e-9
         tracks['phase'], tracks['cycle'] = phases_from_setpoint(time, tracks['setpoint'])
         notes.append('phase and cycle are derived from the set-point')
-    up_axis = told.up_axis
+    up_axis = mapping.up_axis
     if not up_axis:
         up_axis = infer_up_axis(tracks['linear_acceleration'])
         if up_axis:
@@ -250,11 +250,11 @@ def _recording(
     return ImuRecording(
         stamp=stamp,
         **tracks,
-        frame_id=told.frame_id,
-        device=told.device,
-        run=told.run,
+        frame_id=mapping.frame_id,
+        device=mapping.device,
+        run=mapping.run,
         up_axis=up_axis,
-        profile=told.profile,
+        profile=mapping.profile,
         source=str(path),
         notes=tuple(notes),
     )

@@ -110,8 +110,10 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     for field_name, pattern in VECTOR_NAMES.items():
         found = _vector(names, pattern) or _vector_of_unit(field_name, names, units)
         if found:
-            told = _vector_unit(field_name, [values[n] for n in found], units[found[0]], unsure)
-            columns[field_name] = {'columns': found, **told}
+            with_unit = _vector_unit(
+                field_name, [values[n] for n in found], units[found[0]], unsure
+            )
+            columns[field_name] = {'columns': found, **with_unit}
     if not beside:
         _refuse_without_vector(path, header, columns)
     taken = {name for entry in columns.values() for name in entry['columns']}
@@ -124,15 +126,15 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
         name = next(free, None)
         if name is not None:
             taken.add(name)
-            told = _scalar_unit(field_name, name, values[name], units[name], unsure)
-            columns[field_name] = {'column': name, **told}
+            with_unit = _scalar_unit(field_name, name, values[name], units[name], unsure)
+            columns[field_name] = {'column': name, **with_unit}
     if beside:
         _of_the_chamber(path, header, columns, unsure)
     elif 'temperature' not in columns:
         unsure.append('no column looks like the temperature of the die')
     warm = columns.get('temperature', columns.get('chamber_temperature'))
-    warmth = values[warm['column']] if warm else None
-    unit = _time_unit(clock, values[clock], units[clock], warmth, unsure)
+    temperature = values[warm['column']] if warm else None
+    unit = _time_unit(clock, values[clock], units[clock], temperature, unsure)
     time = {'column': clock, 'unit': unit}
     device = {} if beside else {'device': path.stem}
     mapping: dict[str, Any] = {'schema': 1, **device, 'time': time, 'columns': columns}
@@ -186,8 +188,9 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
 def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
     """Return delimiter and cells of the first lines that are not blank; no notes."""
     text = ''.join(itertools.islice(stream, MOST_READ_LINES))
-    told = (line for line in text.splitlines() if line.strip() and line[0] not in COMMENT_SIGNS)
-    delimiter = max(DELIMITERS, key=next(told, '').count)
+    filled = (line for line in text.splitlines() if line.strip())
+    first = next((line for line in filled if line[0] not in COMMENT_SIGNS), '')
+    delimiter = max(DELIMITERS, key=first.count)
     lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter, skipinitialspace=True)
     return (delimiter, [row for row in lines if any(row)]), []
 
@@ -261,10 +264,10 @@ def _unit_in(name: str) -> str:
     """
     bracket = re.search(r'[\[(](.*?)[\])]', name)
     if bracket:
-        told = bracket[1].strip()
-        return told if told and _known_unit(told) else ''
-    told = name.rpartition('_')[2] if '_' in name else ''
-    return told if len(told) > 1 and _known_unit(told) else ''
+        unit = bracket[1].strip()
+        return unit if unit and _known_unit(unit) else ''
+    unit = name.rpartition('_')[2] if '_' in name else ''
+    return unit if len(unit) > 1 and _known_unit(unit) else ''
 
 
 def _known_unit(word: str) -> bool:
@@ -291,10 +294,10 @@ def _vector_of_unit(
 
 
 def _vector_unit(
-    name: str, columns: Sequence[FloatArray], told: str, unsure: list[str]
+    name: str, columns: Sequence[FloatArray], stated_unit: str, unsure: list[str]
 ) -> dict[str, Any]:
-    if told and _is_of(name, told):
-        return {'unit': told}
+    if stated_unit and _is_of(name, stated_unit):
+        return {'unit': stated_unit}
     values = np.stack(columns, axis=1)
     known = values[np.isfinite(values).all(axis=1)]
     if not len(known):
@@ -323,10 +326,10 @@ def _vector_unit(
 
 
 def _scalar_unit(
-    name: str, column: str, values: FloatArray, told: str, unsure: list[str]
+    name: str, column: str, values: FloatArray, stated_unit: str, unsure: list[str]
 ) -> dict[str, Any]:
-    if told and _is_of(name, told):
-        return {'unit': told}
+    if stated_unit and _is_of(name, stated_unit):
+        return {'unit': stated_unit}
     known = values[np.isfinite(values)]
     middle = float(np.median(known)) if len(known) else np.nan
     if name in LARGEST_VALUES:
@@ -358,13 +361,13 @@ def _check_rates(
     """Take rates without a unit for °/s where a device at rest would be too loud in rad/s."""
     if ASSUMED_RATE_UNIT not in unsure or 'linear_acceleration' not in mapping['columns']:
         return
-    told = mapping_from(mapping)
-    table = np.column_stack([values[name] for name in _names(told)])
+    checked = mapping_from(mapping)
+    table = np.column_stack([values[name] for name in _names(checked)])
     with np.errstate(over='ignore'):
-        time: FloatArray = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
+        time: FloatArray = table[:, 0] * TIME_UNITS.get(checked.time_unit, np.nan)
     if not (np.abs(time) < LATEST_STAMP_NS).all() or not (np.diff(time) > 0.0).all():
         time = np.arange(len(table), dtype=np.float64) * (USUAL_PERIOD_S * 1e9)
-    fields = fields_of(told, table)
+    fields = fields_of(checked, table)
     nothing = np.full((len(table), 3), np.nan)
     recording = ImuRecording(
         stamp=time.astype(np.int64),
@@ -380,21 +383,25 @@ def _check_rates(
         )
 
 
-def _names(told: CsvMapping) -> list[str]:
-    return [told.time_column, *(column.column for column in told.columns)]
+def _names(mapping: CsvMapping) -> list[str]:
+    return [mapping.time_column, *(column.column for column in mapping.columns)]
 
 
 def _time_unit(
-    name: str, values: FloatArray, told: str, warmth: FloatArray | None, unsure: list[str]
+    name: str,
+    values: FloatArray,
+    stated_unit: str,
+    temperature: FloatArray | None,
+    unsure: list[str],
 ) -> str:
     """Return the unit in which period and change of temperature are those of a recording."""
-    if told in TIME_UNITS:
-        return told
+    if stated_unit in TIME_UNITS:
+        return stated_unit
     known = values[np.isfinite(values)]
     if len(known) < 2:
         return 'iso8601'
     step = float(np.median(np.abs(np.diff(known))))
-    possible = [u for u in _possible_units(known, step, warmth) if step > 0.0]
+    possible = [u for u in _possible_units(known, step, temperature) if step > 0.0]
     if not possible:
         unsure.append(f'time: steps of {name} are {step:.4g}: unit?')
         return 's'
@@ -408,10 +415,16 @@ def _time_unit(
     return unit
 
 
-def _possible_units(time: FloatArray, step: float, warmth: FloatArray | None) -> Iterator[str]:
+def _possible_units(
+    time: FloatArray, step: float, temperature: FloatArray | None
+) -> Iterator[str]:
     span = 0.0
-    if warmth is not None and np.isfinite(warmth).any() and np.nanmax(np.abs(warmth)) < 400.0:
-        known = warmth[np.isfinite(warmth)]
+    if (
+        temperature is not None
+        and np.isfinite(temperature).any()
+        and np.nanmax(np.abs(temperature)) < 400.0
+    ):
+        known = temperature[np.isfinite(temperature)]
         n = max(1, len(known) // 20)
         span = abs(float(np.median(known[-n:]) - np.median(known[:n])))
     for unit in ('s', 'ms', 'us', 'ns'):

@@ -231,79 +231,79 @@ def mapping_from(content: Any, name: str = 'mapping', *, beside: bool = False) -
     )
 
 
-def _time(told: Any, name: str) -> dict[str, Any]:
+def _time(entry: Any, name: str) -> dict[str, Any]:
     """Return the fields of a mapping that are about the time."""
-    if not isinstance(told, Mapping) or 'column' not in told:
+    if not isinstance(entry, Mapping) or 'column' not in entry:
         raise MappingError(f'{name}: time: expected a column and its unit')
-    _refuse_unknown(told, {'column', 'unit', 'offset', 'zone', 'start'}, f'{name}: time')
-    unit = str(told.get('unit', 's'))
+    _refuse_unknown(entry, {'column', 'unit', 'offset', 'zone', 'start'}, f'{name}: time')
+    unit = str(entry.get('unit', 's'))
     if unit not in (*TIME_UNITS, ISO_TIME):
         known = ', '.join((*TIME_UNITS, ISO_TIME))
         raise MappingError(f'{name}: time: unit is {unit!r}, expected one of {known}')
-    if 'zone' in told and unit != ISO_TIME:
+    if 'zone' in entry and unit != ISO_TIME:
         raise MappingError(f'{name}: time: zone is of dates (unit: {ISO_TIME}), not of {unit!r}')
-    if 'start' in told and unit == ISO_TIME:
+    if 'start' in entry and unit == ISO_TIME:
         raise MappingError(f'{name}: time: start is of a clock that counts, not of dates')
-    offset = _number(told.get('offset', 0), f'{name}: time: offset')
+    offset = _number(entry.get('offset', 0), f'{name}: time: offset')
     return {
-        'time_column': str(told['column']),
+        'time_column': str(entry['column']),
         'time_unit': unit,
-        'time_offset': offset + (_start(told['start'], name) if 'start' in told else 0.0),
-        'zone': _zone(told['zone'], name) if 'zone' in told else None,
+        'time_offset': offset + (_start(entry['start'], name) if 'start' in entry else 0.0),
+        'zone': _zone(entry['zone'], name) if 'zone' in entry else None,
     }
 
 
-def _start(told: Any, name: str) -> float:
+def _start(date: Any, name: str) -> float:
     """Return the seconds from 1970 to a date; YAML makes a datetime of most."""
     try:
-        moment = told if isinstance(told, datetime) else datetime.fromisoformat(str(told))
+        moment = date if isinstance(date, datetime) else datetime.fromisoformat(str(date))
     except ValueError:
         raise MappingError(
-            f'{name}: time: start is {told!r}, expected a date such as 2024-03-07T12:00:00+01:00'
+            f'{name}: time: start is {date!r}, expected a date such as 2024-03-07T12:00:00+01:00'
         ) from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _zone(told: Any, name: str) -> tzinfo:
+def _zone(zone: Any, name: str) -> tzinfo:
     """Return a zone such as +01:00, UTC or Z; YAML makes minutes of +10:00."""
-    text = str(told).strip()
+    text = str(zone).strip()
     if text.upper() in ('UTC', 'Z'):
         return UTC
     match = re.fullmatch(r'([+-])(\d\d?):?(\d\d)', text)
-    minutes = told if isinstance(told, int) and not isinstance(told, bool) else None
+    minutes = zone if isinstance(zone, int) and not isinstance(zone, bool) else None
     if match and minutes is None:
         minutes = int(f'{match[1]}1') * (60 * int(match[2]) + int(match[3]))
     if minutes is None or abs(minutes) > 14 * 60:
-        raise MappingError(f'{name}: time: zone is {told!r}, expected +01:00 or UTC')
+        raise MappingError(f'{name}: time: zone is {zone!r}, expected +01:00 or UTC')
     return timezone(timedelta(minutes=minutes))
 
 
-def _columns(told: Any, name: str, *, beside: bool) -> tuple[CsvColumn, ...]:
-    if not isinstance(told, Mapping) or not told:
+def _columns(fields: Any, name: str, *, beside: bool) -> tuple[CsvColumn, ...]:
+    if not isinstance(fields, Mapping) or not fields:
         raise MappingError(f'{name}: columns: expected at least one of {", ".join(UNITS)}')
-    _refuse_unknown(told, set(UNITS), f'{name}: columns')
-    if not beside and not set(told) & set(MEASURED_FIELDS):
+    _refuse_unknown(fields, set(UNITS), f'{name}: columns')
+    if not beside and not set(fields) & set(MEASURED_FIELDS):
         sensors = ', '.join(MEASURED_FIELDS)
         raise MappingError(f'{name}: columns: expected at least one of {sensors}')
     columns: list[CsvColumn] = []
-    for field, entry in told.items():
+    for field, entry in fields.items():
         columns += _field(field, entry, f'{name}: columns: {field}')
     return tuple(columns)
 
 
-def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
+def _field(field: str, entry: Any, place: str) -> list[CsvColumn]:
     key = 'columns' if field in VECTOR_FIELDS else 'column'
-    if not isinstance(told, Mapping) or key not in told:
+    if not isinstance(entry, Mapping) or key not in entry:
         raise MappingError(f'{place}: expected the key {key}')
-    _refuse_unknown(told, {key, 'scale', 'offset', 'unit'}, place)
+    _refuse_unknown(entry, {key, 'scale', 'offset', 'unit'}, place)
     count = 3 if field in VECTOR_FIELDS else 1
-    names = told[key] if field in VECTOR_FIELDS else [told[key]]
+    names = entry[key] if field in VECTOR_FIELDS else [entry[key]]
     if not isinstance(names, list) or len(names) != count:
-        raise MappingError(f'{place}: {key} is {told[key]!r}, expected {count} columns')
-    unit = _unit(told.get('unit'), UNITS[field], place)
+        raise MappingError(f'{place}: {key} is {entry[key]!r}, expected {count} columns')
+    unit = _unit(entry.get('unit'), UNITS[field], place)
     factor, shift = UNITS[field][unit]
-    scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
-    offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')
+    scales = _numbers(entry.get('scale', 1), count, f'{place}: scale')
+    offsets = _numbers(entry.get('offset', 0), count, f'{place}: offset')
     return [
         CsvColumn(
             field=field,
@@ -316,11 +316,11 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
     ]
 
 
-def _unit(told: Any, known: Mapping[str, tuple[float, float]], place: str) -> str:
+def _unit(given: Any, known: Mapping[str, tuple[float, float]], place: str) -> str:
     """Return the unit's name in the table of its field; other usual spellings are accepted."""
-    if told is None:
+    if given is None:
         return next(iter(known))
-    name = str(told).strip()
+    name = str(given).strip()
     alike = [unit for unit in known if unit.lower() == name.lower()]
     candidates = [name, UNIT_SPELLINGS.get(name.lower(), ''), *(alike if len(alike) == 1 else [])]
     for candidate in candidates:
@@ -331,27 +331,27 @@ def _unit(told: Any, known: Mapping[str, tuple[float, float]], place: str) -> st
     )
 
 
-def _numbers(told: Any, count: int, place: str) -> list[float]:
-    values = told if isinstance(told, list) else [told] * count
+def _numbers(given: Any, count: int, place: str) -> list[float]:
+    values = given if isinstance(given, list) else [given] * count
     if len(values) != count:
         raise MappingError(f'{place} has {len(values)} numbers, expected {count}')
     return [_number(value, place) for value in values]
 
 
-def _number(told: Any, place: str) -> float:
+def _number(given: Any, place: str) -> float:
     """Return a number or a fraction such as 1/16384."""
     try:
-        above, _, below = str(told).partition('/')
+        above, _, below = str(given).partition('/')
         value = float(above) / float(below or 1)
     except (ValueError, ZeroDivisionError):
         value = math.nan
-    if isinstance(told, bool) or not math.isfinite(value):
-        raise MappingError(f'{place} is {told!r}, expected a number or a fraction')
+    if isinstance(given, bool) or not math.isfinite(value):
+        raise MappingError(f'{place} is {given!r}, expected a number or a fraction')
     return value
 
 
-def _refuse_unknown(told: Mapping[Any, Any], known: set[str], place: str) -> None:
-    unknown = sorted(str(key) for key in set(told) - known)
+def _refuse_unknown(entry: Mapping[Any, Any], known: set[str], place: str) -> None:
+    unknown = sorted(str(key) for key in set(entry) - known)
     if unknown:
         raise MappingError(
             f'{place}: unknown key {unknown[0]!r}{did_you_mean(unknown[0], known)}; '

@@ -61,16 +61,16 @@ def row_range(first: str | None, last: str | None) -> RowRange:
     return RowRange(first_line=first_line, last_line=last_line, start=start, end=end)
 
 
-def _limit(name: str, told: str | None) -> tuple[int | None, int | None]:
+def _limit(name: str, text: str | None) -> tuple[int | None, int | None]:
     """Return line or time [ns]."""
-    if told is None:
+    if text is None:
         return None, None
-    match = re.fullmatch(r'(\d+(?:\.\d+)?)\s*([a-zµ]*)', told.strip())
+    match = re.fullmatch(r'(\d+(?:\.\d+)?)\s*([a-zµ]*)', text.strip())
     if match and not match[2] and '.' not in match[1]:
         return int(match[1]), None
     if match and match[2] in TIME_UNITS:
         return None, round(float(match[1]) * TIME_UNITS[match[2]])
     raise UserError(
-        f'{name} {told}: expected a line of the file (1200), or a time since its first sample '
+        f'{name} {text}: expected a line of the file (1200), or a time since its first sample '
         f'with a unit ({", ".join(TIME_UNITS)})'
     )
