@@ -26,7 +26,7 @@ import numpy as np
 from cross_validation import CrossValidation
 from imu_recording.recording import FloatArray
 from imu_recording.tables.csv_import import import_csv
-from orientation_filters.errors import KINDS, attitude_errors, normalised_errors
+from orientation_filters.errors import ERROR_KINDS, attitude_errors, normalised_errors
 from orientation_filters.filters import run_filter
 from orientation_filters.result import OrientationResult
 from orientation_filters.rotation.arrays import conjugate, multiply, normalised
@@ -41,7 +41,7 @@ from vqf import VQF, offlineVQF
 from imu_recording import ImuRecording
 
 OURS = [(name, preset) for name in ('complementary', 'ahrs') for preset in ('paper', 'robust')]
-COLUMNS = (*KINDS, 'aligned')
+COLUMNS = (*ERROR_KINDS, 'aligned')
 LIMITS = {'ahrs robust': 0.95, 'complementary robust': 1.0}
 """Largest mean total error as a multiple of VQF's, cross-validated."""
 ALIGNED_LIMIT = 1.0
@@ -180,7 +180,7 @@ def error_deg(trial: Trial, q: FloatArray) -> list[float]:
     turn = apart[np.isfinite(apart).all(axis=1)] * [0.0, 0.0, 1.0, 1.0]
     mean = normalised(normalised(turn).mean(axis=0))
     aligned = attitude_errors(multiply(mean, q), truth).rms()
-    return [*(float(np.degrees(rms[kind])) for kind in KINDS), float(np.degrees(aligned['total']))]
+    return [*(float(np.degrees(rms[kind])) for kind in ERROR_KINDS), float(np.degrees(aligned['total']))]
 
 
 def honesty(trial: Trial, result: OrientationResult) -> list[float]:
