@@ -180,7 +180,10 @@ def error_deg(trial: Trial, q: FloatArray) -> list[float]:
     turn = apart[np.isfinite(apart).all(axis=1)] * [0.0, 0.0, 1.0, 1.0]
     mean = normalised(normalised(turn).mean(axis=0))
     aligned = attitude_errors(multiply(mean, q), truth).rms()
-    return [*(float(np.degrees(rms[kind])) for kind in ERROR_KINDS), float(np.degrees(aligned['total']))]
+    return [
+        *(float(np.degrees(rms[kind])) for kind in ERROR_KINDS),
+        float(np.degrees(aligned['total'])),
+    ]
 
 
 def honesty(trial: Trial, result: OrientationResult) -> list[float]:

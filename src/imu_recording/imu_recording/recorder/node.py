@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -30,6 +29,7 @@ from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import NO_HARDWARE, Status, node_of
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.losses import nothing_heard
+from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.parameter_node import ACTIVE
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
@@ -207,17 +207,15 @@ class RecorderNode(ConfiguredNode):
 
     def subscribe(self, topic: str, message_type: str, offers: Sequence[Any] = ()) -> None:
         """Subscribe to the serialised messages of one topic; `offers` are its publishers' QoS."""
-        package, _, name = message_type.split('/')
         try:
-            message_class = getattr(import_module(f'{package}.msg'), name)
+            kind = message_class(message_type)
         except (ImportError, AttributeError):
             self.unknown.add(topic)
             self.get_logger().error(f'{topic}: type {message_type} is not installed')
             return
         qos, offered = matching_qos(offers, self.config.qos_depth)
-
         on_bytes = partial(self.on_bytes, topic, message_type, offered)
-        self.input(message_class, topic, on_bytes, qos=qos, raw=True)
+        self.input(kind, topic, on_bytes, qos=qos, raw=True)
 
     def on_bytes(self, topic: str, message_type: str, offered: list[Qos], data: bytes) -> None:
         """Record a serialised message; of an Imu, count the samples missing before it."""
@@ -239,11 +237,11 @@ class RecorderNode(ConfiguredNode):
         while self._waiting:
             self.attempt(self.recorder.record, *self._waiting.popleft())
 
-    def listen(self, message_class: type, topic: str, callback: Callable[[Any], None]) -> None:
+    def listen(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to a latched topic in every state: what it said before counts, too."""
         self.inputs[topic] = callback
         if not self._capture:
-            subscription = self.create_subscription(message_class, topic, callback, latched_qos())
+            subscription = self.create_subscription(message_type, topic, callback, latched_qos())
             self._entities.append(lambda: self.destroy_subscription(subscription))
 
     def every(self, period_s: float, act: Callable[[], None]) -> None:
