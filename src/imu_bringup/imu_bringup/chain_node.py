@@ -182,5 +182,5 @@ def origin_of(transport: str) -> dict[str, list[str]]:
 
 def main() -> int:
     """Run the chain."""
-    sys.setswitchinterval(5e-4)  # [s]; threads take turns; 5 ms by default
+    sys.setswitchinterval(5e-4)  # [s] to the next thread; 5 ms by default
     return run_node(ImuChainNode)

@@ -194,5 +194,5 @@ class ImuDriverNode(ConfiguredNode):
 
 def main() -> int:
     """Run the node."""
-    sys.setswitchinterval(5e-4)  # [s]; no thread waits the 5 ms of the default for its turn
+    sys.setswitchinterval(5e-4)  # [s] to the next thread; 5 ms by default
     return run_node(ImuDriverNode)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import yaml
 
+YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+"""The safe loader, written in C where PyYAML was built with it."""
 DEEPEST_NESTING = 200
 """Deepest nesting of lists and mappings; no file of this workspace comes near."""
 
@@ -15,7 +17,7 @@ def refuse_deep_yaml(text: str) -> None:
     The parser's events are counted, which needs no recursion.
     """
     depth = 0
-    for event in yaml.parse(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
+    for event in yaml.parse(text, Loader=YAML_LOADER):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST_NESTING:

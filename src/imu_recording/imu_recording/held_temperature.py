@@ -80,7 +80,7 @@ def note_held(written: IntArray, values: FloatArray, notes: list[str]) -> IntArr
 def _period(rows_between: IntArray, steps: FloatArray) -> float:
     """Return the number of rows per measurement, 0 where the changes (k,) have no period."""
     period = float(np.median(rows_between[rows_between < 1.5 * np.quantile(rows_between, 0.1)]))
-    for _ in range(3):  # longer intervals know it better
+    for _ in range(3):  # longer intervals determine it better
         count = np.maximum(np.rint(rows_between / period), 1.0)
         near = count <= 10.0
         period = float(rows_between[near].sum() / count[near].sum())

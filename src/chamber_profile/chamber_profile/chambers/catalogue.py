@@ -42,7 +42,7 @@ def open_chamber(address: str) -> Chamber:
     head, _, rest = address.partition('://')
     query = dict(parse_qsl(address.partition('?')[2], keep_blank_values=True))
     if head.partition('?')[0] == 'simulated':
-        from chamber_profile.chambers.simulated import SimulatedChamber  # and numba
+        from chamber_profile.chambers.simulated import SimulatedChamber  # imports numba
 
         return SimulatedChamber(seed=_whole(address, query, 'seed', 0))
     name, _, transport = head.partition('+')

@@ -108,7 +108,7 @@ class WatlowF4Chamber:
 
 def _make_watlow(line: Line, options: Mapping[str, int]) -> WatlowF4Chamber:
     try:
-        from chamber_profile.chambers.modbus import ModbusRegisters  # and pymodbus, 0.1 s
+        from chamber_profile.chambers.modbus import ModbusRegisters  # imports pymodbus: 0.1 s
     except ImportError as error:
         raise ChamberAddressError(
             f'chamber watlow_f4 needs pymodbus 3.11 or later (pip install "pymodbus>=3.11,<4"): '

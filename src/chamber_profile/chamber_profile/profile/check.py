@@ -73,7 +73,7 @@ def _plain(
     if not isinstance(node, yaml.MappingNode):
         try:
             return loader.construct_object(node)
-        except ValueError as error:  # a date that there is not
+        except ValueError as error:  # no such date
             fault = str(error)
             raise yaml.constructor.ConstructorError(None, None, fault, node.start_mark) from None
     content: dict[str, Any] = {}

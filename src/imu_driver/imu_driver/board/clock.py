@@ -229,7 +229,7 @@ class DeviceClock:
     def _advance(self, tick: int, arrival: int) -> int:
         """Return the ticks since the last one; negative where the device restarted."""
         advance = (tick - self._tick + HALF_RANGE) % TICK_RANGE - HALF_RANGE
-        # A silence longer than half a turn: the host's clock tells how many turns it was.
+        # After a silence of more than half its range the host's clock tells how often it wrapped.
         waited = (arrival - self._arrival) / SECOND_NS * self.tick_rate
         return advance + TICK_RANGE * round(max(waited - abs(advance), 0.0) / TICK_RANGE)
 

@@ -115,7 +115,7 @@ def _tracks(
             unplaced[name] = joined.unplaced
     measured = tracks.get('temperature_stamp')
     if measured is not None and ((measured == rows.stamp) | (measured < 0)).all():
-        del tracks['temperature_stamp']  # every temperature is of its row
+        del tracks['temperature_stamp']  # each was measured at its row
     if 'temperature' in tracks:
         held = note_held(tracks.get('temperature_stamp', rows.stamp), tracks['temperature'], notes)
         if held is not None:
@@ -178,7 +178,7 @@ def _samples(name: str, column: TopicColumns, notes: list[str]) -> Samples:
 def _blank_infinities(name: str, values: FloatArray, notes: list[str]) -> None:
     """Turn infinities into NaN, in place, and count what is not a number."""
     with np.errstate(over='ignore', invalid='ignore'):
-        total = values.sum()  # the cheap question first; a sum that overflows is looked into
+        total = values.sum()  # finite: no infinity among them
     if np.isfinite(total):
         return
     infinite = np.isinf(values)

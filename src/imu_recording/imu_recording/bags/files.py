@@ -15,7 +15,7 @@ from imu_recording.bags import sqlite
 from imu_recording.bags.compression import ZSTD_MAGIC
 from imu_recording.bags.mcap import writer as mcap
 from imu_recording.bags.metadata import YAML_ERRORS
-from imu_recording.deep_yaml import refuse_deep_yaml
+from imu_recording.deep_yaml import YAML_LOADER, refuse_deep_yaml
 from imu_recording.recording import BagError
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
@@ -23,7 +23,6 @@ IMPORT_SUFFIXES = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
 """Suffixes of tables and of logs of autopilots."""
 METADATA_FILE = 'metadata.yaml'
 BAG_SUFFIXES = ('.mcap', '.db3', '.bag')
-YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 BAG_PATTERNS = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
 

@@ -66,7 +66,7 @@ class Outbox:
         self._send()
 
     def _send(self) -> None:
-        with self._sending:  # of two threads none overtakes the other
+        with self._sending:  # keeps the order of two threads
             while self._waiting:
                 handle, data = self._waiting.popleft()
                 with handle:

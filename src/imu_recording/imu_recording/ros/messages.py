@@ -227,7 +227,7 @@ def _quaternion(value: Any) -> Quaternion:
 
 
 def _covariance(values: Any) -> Covariance:
-    return tuple(values.tolist())  # the array of a message: a twelfth of value by value
+    return tuple(values.tolist())  # a twelfth of the time of value by value
 
 
 def _nine(values: Sequence[float]) -> list[float]:

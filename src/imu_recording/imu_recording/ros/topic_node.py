@@ -80,7 +80,7 @@ class TopicNode(ParameterNode):
         """Return ROS time [ns]."""
         if self._now:
             return self._now()
-        with (clock := self.get_clock().handle):  # `Clock.now` makes an object of it besides
+        with (clock := self.get_clock().handle):  # `Clock.now` also makes a Time
             return int(clock.get_now().nanoseconds)
 
     def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from imu_recording.deep_yaml import refuse_deep_yaml
+from imu_recording.deep_yaml import YAML_LOADER, refuse_deep_yaml
 from imu_recording.user_error import fault_in_yaml
 
 from thermal_comp.effects import EFFECTS
@@ -99,7 +99,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
 def _parsed(text: str) -> Any:
     """Return the document; refuse a key that occurs twice, of which YAML takes the last."""
     refuse_deep_yaml(text)
-    loader = _Loader(text)
+    loader = YAML_LOADER(text)
     try:
         node = loader.get_single_node()
         if node is None:
@@ -126,10 +126,6 @@ def _refuse_repeated(node: yaml.Node, name: str, visited: set[int]) -> None:
                 raise Field(None, own).refuse(f'is there twice, again in line {line}')
             seen.add(own)
             _refuse_repeated(value, own, visited)
-
-
-class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]
-    """The safe loader, in C where there is one."""
 
 
 class _Dumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
