@@ -13,6 +13,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias, overload
 
+from imu_recording.bags.files import GLOB_SIGNS
 from imu_recording.plausibility import admitted
 from imu_recording.user_error import did_you_mean
 
@@ -43,7 +44,6 @@ EffectLike: TypeAlias = str | Effect | type[Effect]
 """A name of the catalogue, an effect, or its class."""
 EffectList: TypeAlias = EffectLike | Sequence[EffectLike]
 
-GLOB_SIGNS = frozenset('*?[')
 FIRST_EFFECT = BiasTemperature
 """The effect a model starts from: the paper's line per axis."""
 

@@ -23,6 +23,8 @@ IMPORT_SUFFIXES = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
 """Suffixes of tables and of logs of autopilots."""
 METADATA_FILE = 'metadata.yaml'
 BAG_SUFFIXES = ('.mcap', '.db3', '.bag')
+GLOB_SIGNS = frozenset('*?[')
+"""Characters that make a pattern of a path."""
 BAG_PATTERNS = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
 

@@ -20,12 +20,11 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import yaml
-from imu_recording.bags.files import BAG_SUFFIXES, METADATA_FILE
+from imu_recording.bags.files import BAG_SUFFIXES, GLOB_SIGNS, METADATA_FILE
 from imu_recording.user_error import UserError
 
 from imu_workbench.case import CASE_FILE, Case, CaseError, parse_case
 
-GLOB_SIGNS = frozenset('*?[')
 LIST_SUFFIXES = ('.txt', '.csv')
 NO_LOT, NO_TYPE = 'none', 'none'
 """Lot and type of a device that has none."""

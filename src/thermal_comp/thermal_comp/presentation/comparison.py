@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, scaled, shown
 from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def comparison_text(found: Mapping[str, Any]) -> str:
         part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
         for i, axis in enumerate('xyz'):
             values = [part[key][i] for key in COLUMN_TITLES]
-            numbers = ''.join(f'{shown(_times(value, unit.factor)):>11}' for value in values)
+            numbers = ''.join(f'{shown(scaled(value, unit.factor)):>11}' for value in values)
             place = (part['worst_phase'] or '').replace('_', ' ')
             lines.append(f'  {sensor:<26}{axis:<2}{numbers}  {unit.unit:<6} {place}')
     return '\n'.join(lines)
@@ -50,7 +50,7 @@ def table(found: Mapping[str, Any]) -> str:
         part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
         place = (part['worst_phase'] or '').replace('_', ' ')
         for i, axis in enumerate('xyz'):
-            values = [shown(_times(part[key][i], unit.factor)) for key in COLUMN_TITLES]
+            values = [shown(scaled(part[key][i], unit.factor)) for key in COLUMN_TITLES]
             rows.append([sensor, axis, *values, unit.unit, place])
     title = f'{found.get("device") or "device"}, rms of {found["period"]:g} s means'
     return html_table(title, head, rows, found['notes'])
@@ -66,7 +66,7 @@ def picture(found: Any) -> Picture:
     for panel, sensor in zip(panels, sensors, strict=True):
         part, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
         for place, (key, label) in enumerate(COLUMN_TITLES.items()):
-            values = [_times(value, unit.factor) or float('nan') for value in part[key]]
+            values = [scaled(value, unit.factor) or float('nan') for value in part[key]]
             offset = 0.2 * (place - 1.5)
             panel.bar([i + offset for i in range(3)], values, 0.18, label=label)
         panel.set(title=sensor, yscale='log', ylabel=f'rms [{unit.unit}]')
@@ -106,7 +106,3 @@ def residual_picture(found: Any) -> Picture:
     panels[0].legend(fontsize='small', ncols=3, loc='upper right')
     panels[-1].set_xlabel('time, runs one after another [h]')
     return figure
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor

@@ -10,7 +10,7 @@ from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.data.improvement import rises
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT_UNIT
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, scaled, shown
 from thermal_comp.presentation.html_table import html_table
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     for sensor, state in content['sensors'].items():
         unit = DISPLAY_UNITS[sensor]
         error, floor = (
-            ' '.join(shown(_times(value, unit.factor)) for value in state[key])
+            ' '.join(shown(scaled(value, unit.factor)) for value in state[key])
             for key in ('held_out_rms', 'noise_floor')
         )
         lines.append(
@@ -238,11 +238,6 @@ def _number(value: Any) -> str:
     return f'{value:.4g}'
 
 
-def _times(value: float | None, factor: float) -> float | None:
-    """Return a product; None where the error could not be held out."""
-    return None if value is None else value * factor
-
-
 def _where_text(where: Mapping[str, Any]) -> str:
     ratio = f'{where["ratio"]:.1f} × floor'
     if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
@@ -295,7 +290,7 @@ def table(content: Mapping[str, Any]) -> str:
     for sensor in (s for s in SENSORS if s in content['sensors']):
         state, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
         errors = [*state['held_out_rms'], *state['noise_floor']]
-        numbers = [shown(_times(error, unit.factor)) for error in errors]
+        numbers = [shown(scaled(error, unit.factor)) for error in errors]
         rows.append([sensor, state['verdict'], *numbers, unit.unit])
     notes = [line.strip() for finding in content['findings'] for line in _finding_lines(finding)]
     title = f'{content.get("device") or "device"}: {verdict_line(content)}'

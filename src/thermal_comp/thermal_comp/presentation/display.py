@@ -82,6 +82,11 @@ def shown(value: float | None, digits: int = 3) -> str:
     return text.replace('-', '−')
 
 
+def scaled(value: float | None, factor: float) -> float | None:
+    """Return a number in another unit, None where there is none."""
+    return None if value is None else value * factor
+
+
 def fixed(value: float | None, decimals: int) -> str:
     """Return a number with so many decimals, '–' where there is none."""
     if value is None or not math.isfinite(value):

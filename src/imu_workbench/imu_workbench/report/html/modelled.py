@@ -11,6 +11,7 @@ from thermal_comp.presentation.display import (
     SENSORS,
     SMALL_UNITS,
     coefficient_unit,
+    scaled,
     shown,
     with_uncertainty,
 )
@@ -74,7 +75,7 @@ def slope_rows(slopes: Sequence[Mapping[str, Any]], sensor: str) -> list[Row]:
         [
             row['device'],
             *(
-                with_uncertainty(_times(row['slope'][i], 1e3), _times(row['uncertainty'][i], 1e3))
+                with_uncertainty(scaled(row['slope'][i], 1e3), scaled(row['uncertainty'][i], 1e3))
                 for i in range(3)
             ),
             str(row['cycles']),
@@ -189,7 +190,7 @@ def error_rows(found: Mapping[str, Any]) -> list[Row]:
         [
             f'{sensor.capitalize()} {axis}',
             *(
-                shown(_times(part[name][i], DISPLAY_UNITS[sensor].factor))
+                shown(scaled(part[name][i], DISPLAY_UNITS[sensor].factor))
                 for name in ERROR_COLUMNS
             ),
             DISPLAY_UNITS[sensor].unit,
@@ -316,12 +317,8 @@ def noise_floor(content: Mapping[str, Any], run: str, sensor: str) -> list[float
     if not part:
         return None
     factor = DISPLAY_UNITS[sensor].factor
-    return [(_times(value, factor) or 0.0) for value in part['noise_floor']]
+    return [(scaled(value, factor) or 0.0) for value in part['noise_floor']]
 
 
 def _sensors_of(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [sensor for sensor in SENSORS if any(sensor in part for part in found.values())]
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
