@@ -14,3 +14,25 @@ def test_a_line_in_bursts_keeps_its_name() -> None:
              if e['sensor'] == 'gyroscope']  # fmt: skip
     assert found[0]['names'] == ['mains_alias']
     assert found[0]['probability'] > 0.5
+
+
+def test_a_heater_that_was_not_logged_is_told_by_the_air() -> None:
+    # The die follows slowly what a heater does: it looked like a compressor's field and a step.
+    campaign = draw_campaign(3834, 'different_ranges')
+    (hidden,) = campaign.truth.to_dict()['effects']
+    assert (hidden['name'], hidden['logged']) == ('heater_hard_iron', False)
+    found = [e for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'magnetometer' and 'unlogged' in e['names']]  # fmt: skip
+    assert sum(e['probability'] for e in found) > 0.5
+    assert found[0]['depends_on'] == 'heater'
+
+
+def test_noise_that_makes_a_law_disappear_is_not_taken_for_it() -> None:
+    # The likelier answer, a law of time under usual noise, was replaced by noise 80 times as loud.
+    campaign = draw_campaign(3679, 'two_cycles_one_pose')
+    (hidden,) = campaign.truth.to_dict()['effects']
+    assert hidden['name'] == 'slow_oscillation'
+    found = [e for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'magnetometer']  # fmt: skip
+    assert found[0]['names'] == ['not_in_catalogue']
+    assert found[0]['depends_on'] == 'time'

@@ -102,25 +102,25 @@ class SensorSearches:
         """Return the answer about one sensor; `known` effects stand beside the base.
 
         Noise that is louder than usual may be an effect: the search is repeated with the usual
-        noise, and the likelier answer stands. Where an effect that is named, or the closest where
-        none is, had been taken for noise (a step, a line), the search is repeated with the noise
-        beside it.
+        noise. Where an effect that is named, or the closest where none is, had been taken for
+        noise (a step, a line), it is repeated with the noise beside it. The likeliest answer
+        stands.
         """
         beside = (*self.base[sensor], *known)
         axes = independent_axes(self.source.runs, sensor)
         runs = turned_runs(self.source.runs, sensor, axes)
-        before = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
-        found = self._answer_with_noise(before, sensor, beside, axes)
-        usual = usual_noise(runs, sensor, before)
+        fitted = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
+        usual = usual_noise(runs, sensor, fitted)
+        found = self._answer_with_noise(fitted, sensor, beside, axes)
         if usual is not None:
             other = self._answer_with_noise(usual, sensor, beside, axes)
-            loudness = log_prior_of_loudness(before, usual, runs[0].period)
-            if other.log_evidence > found.log_evidence + loudness:
-                found, before = other, usual
+            found = _likelier(found, other, usual)
+        before = found.hypotheses.design.noise
         likely = {sensor: joined_effects([*beside, *found.named, *found.closest])}
         noise = noise_beside(runs, likely, {sensor: before})[sensor]
         if _differs(noise, before, runs[0].period):
-            found = self._answer_with_noise(noise, sensor, beside, axes)
+            other = self._answer_with_noise(noise, sensor, beside, axes)
+            found = _likelier(found, other, usual)
         return found
 
     def with_one_thermometer(
@@ -227,6 +227,20 @@ class SensorSearches:
 def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed:
     """Return the effects of the sensors in `base` together with what was named."""
     return {s: joined_effects([*effects, *answers[s].named]) for s, effects in base.items()}
+
+
+def _likelier(one: SensorAnswer, other: SensorAnswer, usual: NoiseModel | None) -> SensorAnswer:
+    """Return the likelier of two answers; noise that is louder than the usual one is less so."""
+    either = (one, other)
+    if usual is None:
+        return max(either, key=lambda answer: answer.log_evidence)
+    period = one.hypotheses.design.source.runs[0].period
+    return max(
+        either,
+        key=lambda a: (
+            a.log_evidence + log_prior_of_loudness(a.hypotheses.design.noise, usual, period)
+        ),
+    )
 
 
 def _differs(noise: NoiseModel, before: NoiseModel, period: float) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -110,8 +111,8 @@ def generic_regressors(
         for run in runs
     )
     if set(MACHINES) & set(lost) and (turned or chamber):
-        for settling in CHAMBER_SETTLING_S:
-            trace = partial(spans.chamber_power, settling)
+        for course, settling in product(_courses_of_power(design), CHAMBER_SETTLING_S):
+            trace = partial(spans.chamber_power, course, settling)
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
     functions = [(function, per_run) for _, _, function, per_run in made]
     terms = design.generic_terms(functions, runs=runs)
@@ -119,6 +120,20 @@ def generic_regressors(
         _regressor(design, depends_on, name, term, lost)
         for (depends_on, name, _, _), term in zip(made, terms, strict=True)
     ]
+
+
+def _courses_of_power(design: CandidateDesign) -> list[str]:
+    """Return the temperatures that tell what a chamber needs: the die's and, nearer, the air's.
+
+    Where the field of its machines is not measured only the die's: what follows the air faster
+    than the die does may be an error of the thermometer as well.
+    """
+    air = [
+        name
+        for name in ('chamber_temperature', 'setpoint')
+        if all(getattr(run.conditions, name) is not None for run in design.source.runs)
+    ]
+    return ['temperature', *(air[:1] if design.sensor == 'magnetometer' else [])]
 
 
 def _regressor(
@@ -305,9 +320,10 @@ class _Spans:
         after = [_lagged(run, way, lag) for way in (starts, stops) for lag in SETTLING_S]
         return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
 
-    def chamber_power(self, settling: float, run: PreparedRun) -> FloatArray:
+    def chamber_power(self, course: str, settling: float, run: PreparedRun) -> FloatArray:
         """(m, 2) power a chamber needs to heat and to cool: P = τ dT/dt + T − T_room."""
-        power = settling * self._rate(run) + run.temperature - ROOM_C
+        temperature = np.asarray(getattr(run.block_conditions, course))
+        power = settling * np.gradient(temperature, run.time) + temperature - ROOM_C
         return np.stack([np.maximum(power, 0.0), np.minimum(power, 0.0)], axis=1)
 
     def vibration(self, run: PreparedRun) -> FloatArray:
