@@ -36,3 +36,14 @@ def test_noise_that_makes_a_law_disappear_is_not_taken_for_it() -> None:
              if e['sensor'] == 'magnetometer']  # fmt: skip
     assert found[0]['names'] == ['not_in_catalogue']
     assert found[0]['depends_on'] == 'time'
+
+
+def test_two_lags_in_place_of_a_memory_have_standard_deviations() -> None:
+    # The likeliest pair lay far from the fitted one, and all of the weight among swapped pairs.
+    campaign = draw_campaign(3666, 'aborted')
+    (hidden,) = campaign.truth.to_dict()['effects']
+    assert hidden['name'] == 'fractional_order_memory'
+    (found,) = [f for f in tc.diagnose(campaign.recordings).to_dict()['findings']
+                if f['name'] == 'thermal_lag_two_stage']  # fmt: skip
+    for parameter in found['parameters'].values():
+        assert 0.0 < parameter['std'] < 7200.0

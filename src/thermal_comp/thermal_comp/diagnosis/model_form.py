@@ -225,7 +225,7 @@ def shape_deviations(
                 [_log_posteriors(hypotheses, components, component, e, possible) for e in forms]
             )
             shape = [*(len(grid) for grid in grids), len(possible)]
-            points, share = _shares(grids, table.reshape(shape))
+            points, log_weight = _log_weights(grids, table.reshape(shape))
             values = [
                 np.array([one.back(float(v)) for v in fine])
                 for one, fine in zip(scales, points, strict=True)
@@ -235,11 +235,12 @@ def shape_deviations(
             ]
             if len(values) > 1 and _alike(effect.parts()):
                 in_order = np.greater.outer(*values) == (fitted[0] > fitted[1])
-                share = np.where(in_order, share, 0.0)
+                log_weight = np.where(in_order, log_weight, -np.inf)
+            share = np.exp(log_weight - log_sum(log_weight.ravel()))
             for axis, k in enumerate(together):
                 others = tuple(a for a in range(share.ndim) if a != axis)
-                weight = share.sum(axis=others) / share.sum()
-                deviations[k] = np.sqrt(weight @ (values[axis] - fitted[axis]) ** 2)
+                squares = (values[axis] - fitted[axis]) ** 2
+                deviations[k] = np.sqrt(share.sum(axis=others) @ squares)
     return deviations
 
 
@@ -278,8 +279,10 @@ def _alike(parts: Sequence[Effect]) -> bool:
     return len(parts) > 1 and len({type(part) for part in parts}) == 1
 
 
-def _shares(grids: Sequence[FloatArray], table: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-    """Return points along each grid and the share of each cell under a mixture, (k,) or (k, l).
+def _log_weights(
+    grids: Sequence[FloatArray], table: FloatArray
+) -> tuple[list[FloatArray], FloatArray]:
+    """Return points along each grid and ln of each cell's weight in a mixture, (k,) or (k, l).
 
     `table` (n, a) or (n, m, a): ln of the posterior at the values, which a spline joins.
     """
@@ -288,9 +291,8 @@ def _shares(grids: Sequence[FloatArray], table: FloatArray) -> tuple[list[FloatA
     for axis, (grid, fine) in enumerate(zip(grids, points, strict=True)):
         dense = CubicSpline(grid, dense, axis=axis)(fine)
     widths = reduce(np.multiply.outer, [np.gradient(fine) for fine in points])
-    log_weight = dense + np.log(widths)[..., None]
-    share: FloatArray = np.exp(log_weight - log_sum(log_weight.ravel())).sum(axis=-1)
-    return points, share
+    log_weight: FloatArray = np.logaddexp.reduce(dense, axis=-1) + np.log(widths)
+    return points, log_weight
 
 
 def _between(grid: FloatArray) -> FloatArray:
