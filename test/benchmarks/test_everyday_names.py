@@ -47,3 +47,13 @@ def test_two_lags_in_place_of_a_memory_have_standard_deviations() -> None:
                 if f['name'] == 'thermal_lag_two_stage']  # fmt: skip
     for parameter in found['parameters'].values():
         assert 0.0 < parameter['std'] < 7200.0
+
+
+def test_humidity_that_tells_the_air_is_no_effect_of_humidity() -> None:
+    # A thermometer missed what the air of a room did between two bursts; its humidity did not.
+    campaign = draw_campaign(3443, 'bursts')
+    assert all('gyroscope' not in e['sensors'] for e in campaign.truth.to_dict()['effects'])
+    found = [e for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'gyroscope']  # fmt: skip
+    assert found[0]['names'] == ['nothing']
+    assert found[0]['probability'] > 0.9

@@ -91,8 +91,9 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
 
 
 def _largest_flaw(some: EffectSet, explained: float) -> float:
-    """Return √Δχ² that a function may explain as a flaw; without a bound beside a line."""
-    lines = any(c.form.effect.line_frequency is not None for c in some.components)
+    """Return √Δχ² that a function may explain as a flaw; of lines alone without a bound."""
+    effects = [c.form.effect for c in some.components]
+    lines = bool(effects) and all(effect.line_frequency is not None for effect in effects)
     return np.inf if lines else priors.LARGEST_FLAW_SHARE * explained
 
 

@@ -112,16 +112,29 @@ def _hysteresis_and_air(conditions: Conditions) -> FloatArray:
     """(n, 3) hysteresis about the reading and about a die that follows the air; air − reading [K].
 
     The second is that of a dwell, where the die moves with the air's control and the
-    thermometer stands. Without the air's temperature only the first is not zero.
+    thermometer stands. It is zero without the air's temperature; the third is then by the
+    humidity, or zero as well.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
     behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
     if air is None:
         nothing = np.zeros_like(temperature)
-        return np.stack([behind, nothing, nothing], axis=1)
+        return np.stack([behind, nothing, _air_by_humidity(conditions) - temperature], axis=1)
     die = _die_in(air, conditions)
     unseen = play(die, priors.THERMOMETER_HYSTERESIS_K)[0] - die
     return np.stack([behind, unseen, air - temperature], axis=1)
+
+
+def _air_by_humidity(conditions: Conditions) -> FloatArray:
+    """(n,) temperature of the air by its humidity [°C]; the reading where that was not logged.
+
+    Air that holds its water has a relative humidity whose logarithm falls with temperature.
+    """
+    temperature, humidity = conditions.temperature, conditions.humidity
+    if humidity is None:
+        return temperature
+    columns = np.stack([np.ones_like(humidity), np.log(np.maximum(humidity, 0.01))], axis=1)
+    return np.asarray(columns @ np.linalg.lstsq(columns, temperature, rcond=LEAST_NEW_LENGTH)[0])
 
 
 def _die_in(air: FloatArray, conditions: Conditions) -> FloatArray:
