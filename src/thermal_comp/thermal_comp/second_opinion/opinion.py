@@ -224,7 +224,11 @@ def _fitted(
 def _held_out(
     fit: AutopilotFit, recording: ImuRecording, run: PreparedRun, sensor: Sensor
 ) -> FloatArray:
-    """Return (3,) rms that the cubic of the rest leaves on each part of the log."""
+    """Return (3,) rms that the cubic of the rest leaves on each part of the log.
+
+    An autopilot's script fits rows by rules of its own, not columns by least squares: sums over
+    parts (`fitting.part_sums`) do not hold what it needs.
+    """
     edges = run.time - 0.5 * run.period
     block = np.clip(np.searchsorted(edges, recording.time, side='right') - 1, 0, len(run) - 1)
     part = run.cv_group[block]
