@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from imu_recording.user_error import UserError
@@ -17,15 +17,15 @@ def read_devices(
     remap: Mapping[str, str] | None,
     *,
     every_device: bool = False,
-) -> list[ImuRecording]:
-    """Read one bag: the device in `namespace`, its only device, or every device."""
+) -> Iterator[ImuRecording]:
+    """Read one bag: the device in `namespace`, its only device, or every device in turn."""
     from imu_recording import bag_namespaces, read_bag
 
     chosen = namespace is not None or bool((remap or {}).get('imu/data_raw'))
     namespaces = [] if chosen else bag_namespaces(path)
     if len(namespaces) <= 1:
-        return [read_bag(path, namespace=namespace, remap=remap)]
+        return (read_bag(path, namespace=one, remap=remap) for one in (namespace,))
     if not every_device:
         names = ', '.join(namespaces)
         raise UserError(f'{path} holds several devices: {names}; choose one with --namespace')
-    return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
+    return (read_bag(path, namespace=one, remap=remap) for one in namespaces)

@@ -235,6 +235,7 @@ def stream_recordings(
             if at_rest:
                 refuse_moving(taken)
             yield taken
+            del recording, taken  # before the next one is read
     show_progress(then)
 
 

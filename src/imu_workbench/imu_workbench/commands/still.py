@@ -122,7 +122,7 @@ def _recordings(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording
         if path.is_file() and is_log(path):
             recording = _imu_of_log(path, options.imu)
         else:
-            recording = read_devices(path, options.namespace, remap)[0]
+            (recording,) = read_devices(path, options.namespace, remap)
         recording = admitted(recording, options.accept)
         if options.device:
             recording = replace(recording, device=options.device)

@@ -78,6 +78,7 @@ def prepare_inputs(
         name = run_name(recording, number, taken)
         sound = prepared and clean is recording
         runs.append(prepared[number - 1] if sound else prepare_run(clean, name, period=period))
+        del recording, clean  # of long ones each is a third of the memory
     if period is None:
         runs = in_common_blocks(runs)
     for number, finding in wrong_units(scales, names, findings):
