@@ -93,6 +93,14 @@ def test_contract_finds_an_effect_that_looks_ahead() -> None:
     assert any('cut' in problem for problem in problems)
 
 
+def test_contract_finds_forms_that_a_search_could_not_tell_apart() -> None:
+    class Alike(ThermalLag):
+        def columns_in_hindsight(self, conditions):
+            return np.gradient(conditions.temperature)[:, None]
+
+    assert any('could not tell them apart' in problem for problem in check_effect(Alike))
+
+
 WRONG = {
     'kin': ('relatives', 'kin'),
     'look_alikes': (('magic',), "'magic' is no other effect"),

@@ -126,6 +126,18 @@ def copied(fleet_bags: Path, device: str, target: Path) -> Path:
     return target
 
 
+def test_a_list_that_leads_to_itself_is_a_problem_and_no_endless_search(
+    fleet_bags: Path, tmp_path: Path
+) -> None:
+    one, two = tmp_path / 'one.txt', tmp_path / 'two.txt'
+    one.write_text(f'{two}\n{fleet_bags}/lot=B\n')
+    two.write_text(f'{one}\n')
+    devices = find_devices([str(one)])
+    (round_trip,) = [d for d in devices if d.problem]
+    assert f'{one} → {two} → {one}' in round_trip.problem
+    assert any(d.bags for d in devices)
+
+
 def test_sources_are_globs_lists_and_urls(fleet_bags: Path, tmp_path: Path) -> None:
     listed = tmp_path / 'list.csv'
     listed.write_text(

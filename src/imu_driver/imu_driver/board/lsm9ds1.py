@@ -189,7 +189,7 @@ def temperature_from_counts(counts: int) -> float:
 def scale(sensor: str, full_scale: float) -> FloatArray:
     """Return (3,) SI units per count, signed so that the axes are the right-handed frame's.
 
-    Raises ValueError where the sensor has no such full scale.
+    Raises UserError where the sensor has no such full scale.
     """
     try:
         sensitivity = SENSITIVITY[sensor][full_scale]

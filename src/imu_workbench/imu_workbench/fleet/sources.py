@@ -104,10 +104,13 @@ def reason(error: Exception) -> str:
     return f'{type(error).__name__}: {error}'
 
 
-def _devices_of(text: str) -> Iterator[DeviceSource]:
+def _devices_of(text: str, lists: tuple[str, ...] = ()) -> Iterator[DeviceSource]:
+    """Yield the devices of a source; `lists` are the list files that led to it."""
+    if text in lists:
+        raise UserError(f'{text}: a list that leads to itself: {" → ".join((*lists, text))}')
     if text.endswith(LIST_SUFFIXES) and not GLOB_SIGNS & set(text):
         for row in _listed(text):
-            for device in _listed_devices(row['source'], text):
+            for device in _listed_devices(row['source'], (*lists, text)):
                 lot, kind = row.get('lot') or device.lot, row.get('type') or device.type
                 yield replace(device, lot=lot, type=kind)
         return
@@ -138,13 +141,13 @@ def _devices_of_folders(found: _SearchResult) -> Iterator[DeviceSource]:
             yield replace(_device_of_bags(path, '', []), problem=problem)
 
 
-def _listed_devices(source: str, listed_in: str) -> Iterator[DeviceSource]:
+def _listed_devices(source: str, lists: tuple[str, ...]) -> Iterator[DeviceSource]:
     """Yield the devices of one line of a list; a line that holds nothing is one with a problem."""
     try:
-        yield from _devices_of(source)
+        yield from _devices_of(source, lists)
     except UserError as error:
         empty = _device_of_bags(source.rstrip('/'), '', [])
-        yield replace(empty, problem=f'{error} (in {listed_in})')
+        yield replace(empty, problem=f'{error} (in {lists[-1]})')
 
 
 def _device_of_bags(folder: str, name: str, bags: Sequence[_Bag]) -> DeviceSource:

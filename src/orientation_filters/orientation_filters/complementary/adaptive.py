@@ -5,7 +5,8 @@ Each of the three rotations about the world's axes has a first-order filter of i
 is the attitude's variance over that of attitude and measurement. The attitude's variance is noise
 plus the effect of the bias error: the matrix `lag` is the attitude error per unit of bias error.
 Through it each correction also corrects the bias, and takes back the rotation that the bias error
-has caused. Undisturbed and settled, the gains are those of the cut-offs.
+has caused. Undisturbed and settled, the gains are those of the fixed-gain filter's cut-off
+frequencies.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ BLOCKS_PER_PERIOD = 8
 def block_length(recording: ImuRecording) -> float:
     """Return the greatest length [s] that gives a recording LEAST_BLOCKS blocks, if any does.
 
-    Two hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s. What counts
+    2¼ hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s. What counts
     is the time that was sampled: bursts an hour apart have the blocks of a burst.
     """
     intervals = np.diff(recording.stamp) * 1e-9

@@ -294,6 +294,8 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
         problems.append(
             f'columns_in_hindsight have shape {np.shape(hindsight)}, columns {whole.shape}'
         )
+    else:
+        problems += _problems_of_hindsight(effect, conditions)
     deviations = effect.coefficient_deviations()
     if deviations is not None and np.shape(deviations) != (whole.shape[-1], 3):
         problems.append(
@@ -364,6 +366,20 @@ def _problems_of_time_alone(effect: Effect, conditions: Conditions) -> list[str]
     warmer = replace(conditions, temperature=40.0 - 0.5 * conditions.temperature)
     alike = np.array_equal(effect.columns(conditions)[0], effect.columns(warmer)[0])
     return [] if alike else ['columns depend on more than time_only says']
+
+
+def _problems_of_hindsight(effect: Effect, conditions: Conditions) -> list[str]:
+    """Return what is wrong with columns that a search tells forms apart by."""
+    forms = [c.effect for c in type(effect).search_grid(EXAMPLE_CAMPAIGN)]
+    if len(forms) < 2:
+        return []
+    first, last = forms[0], forms[-1]
+    live = [form.columns(conditions)[0] for form in (first, last)]
+    known = [form.columns_in_hindsight(conditions) for form in (first, last)]
+    if np.array_equal(known[0], known[1]) and not np.array_equal(live[0], live[1]):
+        problem = f'columns_in_hindsight are the same for {first!r} and {last!r}, columns are not'
+        return [f'{problem}: a search could not tell them apart']
+    return []
 
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:

@@ -39,7 +39,9 @@ class FixtureTilt(Effect):
         'misalignment of the sensor turns with the device.'
     )
     typical_size: ClassVar[str] = '10–100 µrad/K: 6–60 mm/s² over 60 K'
-    reference: ClassVar[str] = 'Rigid rotation of the mounting'
+    reference: ClassVar[str] = (
+        'Titterton and Weston, Strapdown Inertial Navigation Technology, 2004, ch. 3'
+    )
     kin: ClassVar[Kin] = 'orientation'
     separating_action: ClassVar[str] = FLIP_ACTION
 

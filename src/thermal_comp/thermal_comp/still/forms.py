@@ -15,13 +15,13 @@ from thermal_comp.effects.empirical_term import POLYNOMIAL_DEGREES, Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 
 COARSE_LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
-"""Lags that are tried first: package to enclosure."""
+"""Lags of 10 s to 640 s that are tried first: package to enclosure."""
 FINE_LAG_STEP = 2.0**0.25
 """Ratio of the finer lags that are tried about the likeliest."""
 CURVE_SIZE = 1 + len(POLYNOMIAL_DEGREES)
 """Coefficients of an axis: the line and the polynomials of `empirical_term`; a lag comes last."""
 LAG_SIZE = 3
-"""Coefficients of an axis for a lag: its own, and two of what it is larger by on a steep curve."""
+"""Coefficients of an axis for a lag: its own, and the two of `_SteeperLag`."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class _Behind(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return the effect's columns, of the empirical term the polynomials."""
+        """Return the columns at the lagged temperature, of `Empirical` the polynomials."""
         behind, after = self.lag.columns(conditions, state)
         temperature = conditions.temperature + behind[:, 0]
         columns, _ = self.effect.columns(replace(conditions, temperature=temperature))

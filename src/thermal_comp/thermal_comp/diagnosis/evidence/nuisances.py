@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every hypothesis allows for: slow noise beyond the fitted one, the thermometer's lag."""
+"""What every hypothesis allows for: slow noise beyond the fitted one, thermometer errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DIRECTIONS, DIRECTIONS_OF_ALL = 8, 24
 """Least number of the strongest directions of slow noise: per run, and over all runs together.
 
 With time constants from a share s of a run of length T on, slow noise has a band of 1/(2π s T), in
-which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
+which 2 T / (2π s T) = 1/(π s) ≈ 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
 fifths of what such noise has beyond its corner lie below twice the band: 24. The variance of slow
 noise is estimated from them alone in a single run, from all runs in several."""
 COVARIANCE_INSTANTS = 160
@@ -111,9 +111,9 @@ def _history(run: PreparedRun) -> FloatArray:
 def _hysteresis_and_air(conditions: Conditions) -> FloatArray:
     """(n, 3) hysteresis about the reading and about a die that follows the air; air − reading [K].
 
-    The second is that of a dwell, where the die moves with the air's control and the
-    thermometer stands. It is zero without the air's temperature; the third is then by the
-    humidity, or zero as well.
+    The second counts in dwells: the die follows the swings of the air's control, which are
+    smaller than the hysteresis of the thermometer. Without the air's temperature it is zero, and
+    the third is by the humidity, or zero as well.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
     behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
