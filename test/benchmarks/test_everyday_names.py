@@ -57,3 +57,14 @@ def test_humidity_that_tells_the_air_is_no_effect_of_humidity() -> None:
              if e['sensor'] == 'gyroscope']  # fmt: skip
     assert found[0]['names'] == ['nothing']
     assert found[0]['probability'] > 0.9
+
+
+def test_noise_that_is_far_too_loud_may_have_a_cause() -> None:
+    # A supply that jumps between bursts, 38 × the noise, is as likely as noise of that size.
+    campaign = draw_campaign(3113, 'bursts')
+    (hidden,) = campaign.truth.to_dict()['effects']
+    assert (hidden['name'], hidden['logged']) == ('supply_sensitivity', False)
+    found = {tuple(e['names']): e['probability']
+             for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'magnetometer'}  # fmt: skip
+    assert found['unlogged',] + found['not_in_catalogue',] > 0.5 > found['nothing',]

@@ -20,6 +20,7 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import Explanation, probability
 from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import NoiseModel
 
 MISSING_PROBABILITY = 0.85
 """Probability from which something is reported as missing: six missed effects cost as much as
@@ -55,6 +56,8 @@ class SensorAnswer:
     """Effects that were not, as a channel was not logged."""
     log_evidence: float
     """ln of the density of the rows under all explanations, of noise and model together."""
+    usual_noise: NoiseModel | None = None
+    """Noise that the sensor usually has; None where the fitted one is hardly louder."""
     elsewhere: FoundElsewhere | None = None
     """Coupled effect of another sensor, beside which the explanations were found."""
 

@@ -8,15 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.special import expit
 
 from thermal_comp.data.blocks import in_search_blocks
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.coupled_effects import coupled_support, with_effect
+from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
-from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED, EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
 from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
@@ -86,7 +88,7 @@ def search_sensors(
     for effect in settings.catalogue.values():
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
-    return found
+    return {sensor: _with_cause_of_noise(answer) for sensor, answer in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ class SensorSearches:
         if _differs(noise, before, runs[0].period):
             other = self._answer_with_noise(noise, sensor, beside, axes)
             found = _likelier(found, other, usual)
-        return found
+        return replace(found, usual_noise=usual)
 
     def with_one_thermometer(
         self, found: Mapping[Sensor, SensorAnswer]
@@ -144,7 +146,8 @@ class SensorSearches:
                 hypotheses.inform(told[sensor].normal, told[sensor].right)
                 after = [hypotheses.log_bayes_factor(s.components) for s in likeliest]
                 if np.ptp(np.subtract(after, before)) > LEAST_EVIDENCE_DIFFERENCE:
-                    again[sensor] = self._answer(hypotheses, likeliest_sets(hypotheses))
+                    told_again = self._answer(hypotheses, likeliest_sets(hypotheses))
+                    again[sensor] = replace(told_again, usual_noise=answer.usual_noise)
                 else:  # the equations as they were, to which the answer belongs
                     hypotheses.inform(-told[sensor].normal, -told[sensor].right)
         return again
@@ -179,7 +182,8 @@ class SensorSearches:
                 )
                 for s in with_effect(effect.name, found[first])
             ]
-        again = {first: self._answer(found[first].hypotheses, sets)}
+        weighed = self._answer(found[first].hypotheses, sets)
+        again = {first: replace(weighed, usual_noise=found[first].usual_noise)}
         forms = [form for form in again[first].named if form.name == effect.name]
         certain = again[first].probability_of(effect.name)
         for sensor in others if forms else ():
@@ -241,6 +245,27 @@ def _likelier(one: SensorAnswer, other: SensorAnswer, usual: NoiseModel | None) 
             a.log_evidence + log_prior_of_loudness(a.hypotheses.design.noise, usual, period)
         ),
     )
+
+
+def _with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
+    """Return an answer in which noise that is louder than usual may have a cause without a name.
+
+    Such a cause explains the rows as well as the noise that was fitted to them: only what is
+    believed beforehand tells them apart.
+    """
+    design, usual = answer.hypotheses.design, answer.usual_noise
+    if usual is None or design.noise is usual:
+        return answer
+    loudness = log_prior_of_loudness(design.noise, usual, design.source.runs[0].period)
+    odds = priors.log_odds_of_cause_of_noise(loudness)
+    moved = float(expit(odds)) * probability(answer.explanations, lambda e: not e.names)
+    unlogged = moved * priors.SHARE_WITHOUT_TRACE if answer.hypotheses.lost_over_time else 0.0
+    gains = {(): -moved, (UNLOGGED,): unlogged, (NOT_IN_CATALOGUE,): moved - unlogged}
+    changed = [
+        replace(e, probability=e.probability + gains.get(e.names, 0.0))
+        for e in answer.explanations
+    ]
+    return replace(answer, explanations=tuple(sorted(changed, key=lambda e: -e.probability)))
 
 
 def _differs(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
