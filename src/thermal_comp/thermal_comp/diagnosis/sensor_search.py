@@ -254,12 +254,15 @@ def _with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
     believed beforehand tells them apart.
     """
     design, usual = answer.hypotheses.design, answer.usual_noise
-    if usual is None or design.noise is usual:
+    if usual is None:
         return answer
     loudness = log_prior_of_loudness(design.noise, usual, design.source.runs[0].period)
+    if loudness == 0.0:
+        return answer
     odds = priors.log_odds_of_cause_of_noise(loudness)
     moved = float(expit(odds)) * probability(answer.explanations, lambda e: not e.names)
-    unlogged = moved * priors.SHARE_WITHOUT_TRACE if answer.hypotheses.lost_over_time else 0.0
+    law, lost = priors.unnamed_over_time()
+    unlogged = moved * lost / (law + lost) if answer.hypotheses.lost_over_time else 0.0
     gains = {(): -moved, (UNLOGGED,): unlogged, (NOT_IN_CATALOGUE,): moved - unlogged}
     changed = [
         replace(e, probability=e.probability + gains.get(e.names, 0.0))

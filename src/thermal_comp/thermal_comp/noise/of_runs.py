@@ -190,9 +190,9 @@ def _white_of_neighbours(
 
 
 def log_prior_of_loudness(noise: NoiseModel, usual: NoiseModel, period: float) -> float:
-    """Return ln of the prior of noise that is louder than usual, relative to the usual one."""
+    """Return ln of the prior of noise relative to the usual one; 0 where it is not louder."""
     ratio = noise.variance_of_means(period) / usual.variance_of_means(period)
-    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1e-300)).mean() / SLOW_SHARE_LN_STD) ** 2
+    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1.0)).mean() / SLOW_SHARE_LN_STD) ** 2
 
 
 def _covariance(rows: FloatArray) -> FloatArray | None:

@@ -31,9 +31,6 @@ traces, or a guess, follow it in part only: many laws look somewhat like a lag o
 WITHOUT_TRACE_PROBABILITY = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 
-SHARE_WITHOUT_TRACE = 1.0 / 3.0
-"""Share of it in what has no name and leaves a course over time alone: the rest is a law."""
-
 JUMPS_BY_ITSELF_PROBABILITY = 0.5
 """That what is not in the catalogue jumps between levels, where a bias does: telegraph noise of a
 contact or a trap, a part that sticks and slips."""
@@ -150,14 +147,18 @@ def log_odds_of_twin(share: float) -> float:
     return float(log_ndtr(-np.log(max(share, 1e-9) / TWIN_SHARE) / TWIN_SHARE_LN))
 
 
+def unnamed_over_time() -> tuple[float, float]:
+    """Return the probabilities of a law without a name and of a lost channel without a trace."""
+    return NOT_IN_CATALOGUE_PROBABILITY, UNLOGGED_PROBABILITY * WITHOUT_TRACE_PROBABILITY
+
+
 def log_odds_of_cause_of_noise(loudness: float) -> float:
     """Return ln of the odds that noise which is louder than usual has a cause without a name.
 
     `loudness` is ln of the prior of such noise relative to usual noise, a normal density of the
     ln of its ratio with standard deviation 1; the cause is of any size on the grid.
     """
-    unnamed = NOT_IN_CATALOGUE_PROBABILITY + UNLOGGED_PROBABILITY * WITHOUT_TRACE_PROBABILITY
-    once = unnamed * (1.0 - NOTHING_PROBABILITY) / NOTHING_PROBABILITY
+    once = sum(unnamed_over_time()) * (1.0 - NOTHING_PROBABILITY) / NOTHING_PROBABILITY
     size = 1.0 / np.log(AMPLITUDES[-1] / AMPLITUDES[0])
     return float(np.log(once * size) - loudness + 0.5 * np.log(2.0 * np.pi))
 
