@@ -53,6 +53,14 @@ def test_an_unlogged_cause_leaves_no_track(name: str) -> None:
         assert getattr(run, name.removeprefix('unlogged_')) is None
 
 
+def test_a_track_lost_with_one_effect_is_lost_for_the_others() -> None:
+    wanted = [EffectToHide('compressor_hard_iron'), EffectToHide('unlogged_vibration')]
+    found = hidden_campaign(SHORT, 'dut2', MEANS, wanted, seed=2)
+    assert [truth.kind for truth in found.truths] == ['unlogged', 'unlogged']
+    assert found.truths[0].depends_on == ('compressor', 'chamber')
+    assert found.truths[0].law == 'compressor_hard_iron'
+
+
 def test_a_drifting_clock_stretches_the_stamps_with_temperature() -> None:
     found = campaign('clock_temperature')
     slope = found.truths[0].parameters['relative_rate_per_kelvin']

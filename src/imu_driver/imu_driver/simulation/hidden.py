@@ -87,6 +87,7 @@ class Hidden:
 
     runs: list[DeviceRun]
     truth: Truth
+    """Of an effect whose cause was logged; else as `as_recorded` says."""
     finish: Finish = field(default=_unchanged)
     """Applied to the finished recordings."""
     startup_time: float = 0.0
@@ -128,7 +129,8 @@ def hide_anything(
         return _hide_clock(runs, magnitude, seed)
     if name in UNLOGGED_EFFECTS:
         effect = UNLOGGED_EFFECTS[name]
-        return _unlogged(effect, _hide_effect(runs, effect, magnitude, seed, sensor, measured_on))
+        hidden = _hide_effect(runs, effect, magnitude, seed, sensor, measured_on)
+        return replace(hidden, finish=partial(_replaced, dict.fromkeys(effect.logged_as)))
     return _hide_fault(runs, name, magnitude, seed, sensor)
 
 
@@ -189,16 +191,19 @@ def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidde
     return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
 
 
-def _unlogged(effect: HiddenEffect, hidden: Hidden) -> Hidden:
-    """Return the campaign without the tracks that show the hidden effect's cause."""
-    blank: dict[str, Any] = dict.fromkeys(effect.logged_as)
-    truth = replace(
-        hidden.truth,
-        name=None,
-        kind='unlogged',
-        depends_on=(effect.logged_as[0].removesuffix('_voltage'), 'chamber'),
-    )
-    return Hidden(hidden.runs, truth, finish=partial(_replaced, blank))
+def as_recorded(truth: Truth, recordings: Sequence[ImuRecording]) -> Truth:
+    """Return the truth about recordings: an effect whose cause none of them logged is unlogged.
+
+    The tracks are left out with another effect, too: a compressor with what it shakes.
+    """
+    effect = HIDDEN_EFFECTS.get(truth.law)
+    if truth.kind != 'effect' or effect is None or not effect.logged_as:
+        return truth
+    cause = effect.logged_as[0]
+    if any(getattr(recording, cause) is not None for recording in recordings):
+        return truth
+    depends_on = (cause.removesuffix('_voltage'), 'chamber')
+    return replace(truth, name=None, kind='unlogged', depends_on=depends_on)
 
 
 def _replaced(values: Mapping[str, Any], recordings: list[ImuRecording]) -> list[ImuRecording]:

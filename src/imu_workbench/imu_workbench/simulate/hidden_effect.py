@@ -15,7 +15,13 @@ from chamber_profile.profile.values import Profile
 from imu_driver.simulation.ageing import draw_ageing
 from imu_driver.simulation.devices import DeviceParameters, draw_device, find_device
 from imu_driver.simulation.effects.hidden_effect import HiddenEffect, Truth
-from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
+from imu_driver.simulation.hidden import (
+    HIDDEN_EFFECTS,
+    NOTHING,
+    as_recorded,
+    hide_anything,
+    random_name,
+)
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
 from thermal_comp.data.conditions import SENSORS
@@ -131,7 +137,8 @@ def record_hidden(
     recordings = record_campaign(runs, logging, startup_time=startup_time)
     for hidden in done:
         recordings = hidden.finish(recordings)
-    truths = tuple(hidden.truth for hidden in done if hidden.truth.kind != 'nothing')
+    told = (as_recorded(hidden.truth, recordings) for hidden in done)
+    truths = tuple(truth for truth in told if truth.kind != 'nothing')
     return SimulatedCampaign(recordings, truths or (NOTHING_HIDDEN,))
 
 
