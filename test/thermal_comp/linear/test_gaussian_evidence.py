@@ -74,10 +74,11 @@ def test_what_is_integrated_out_counts_as_in_the_dense_covariance(rows, priors):
 def test_every_form_at_every_width_counts_as_in_the_dense_covariance(rows, priors, shared):
     state = conditioned(*equations(rows), priors)
     forms, widths = np.array([[2, 5], [6, 7]]), np.array([0.5, 40.0])
-    evidence, gain = state.evidences(forms, widths, shared=shared)
+    relative = np.array([[1.0, 0.1], [0.3, 1.0]])
+    evidence, gain = state.evidences(forms, widths, shared=shared, relative=relative)
     for place, form in enumerate(forms):
         for number, width in enumerate(widths):
-            tried = CoefficientPrior(tuple(form), shared, np.full(2, width))
+            tried = CoefficientPrior(tuple(form), shared, width * relative[place])
             expected = student_t(rows, (*priors, tried))
             assert evidence[place, number] == pytest.approx(expected, abs=1e-9)
             together = [*priors, tried]

@@ -84,16 +84,25 @@ class ConditionedDesign:
         return normal, self.right[:, index].sum(axis=0)
 
     def evidences(
-        self, columns: IntArray, deviations: FloatArray, *, shared: bool, beside: bool = False
+        self,
+        columns: IntArray,
+        deviations: FloatArray,
+        *,
+        shared: bool,
+        beside: bool = False,
+        relative: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return (f, s) ln evidence and Δχ² of f forms of p columns (f, p) at s prior widths.
 
-        Widths are those of coefficients of columns of unit length; `beside`: those of all that a
-        form adds, √Δχ², to what was integrated out.
+        Widths are those of coefficients of columns of unit length, each times `relative` (f, p)
+        where given; `beside`: those of all that a form adds, √Δχ², to what was integrated out.
         """
         forms = len(columns)
         blocks, right = self.blocks(columns), self.right[:, columns]
         half = self.coupling[:, :, columns].transpose(1, 2, 0, 3)
+        if relative is not None:
+            blocks = blocks * relative[:, :, None] * relative[:, None, :]
+            right, half = right * relative, half * relative[:, None, :]
         if shared:
             blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
         if len(blocks) * columns.shape[1] <= half.shape[2]:

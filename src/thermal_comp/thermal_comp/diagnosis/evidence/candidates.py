@@ -39,6 +39,13 @@ class Form:
     terms: tuple[ColumnGroup, ...]
     run: int | None = None
     """The only run in which it acts; None: in all."""
+    relative: tuple[float, ...] = ()
+    """By column, prior deviation of its coefficient [√Δχ²] over that of its largest one."""
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the design."""
+        return tuple(c for term in self.terms for c in term.columns)
 
     @property
     def free(self) -> int:
@@ -205,7 +212,19 @@ def form_of(design: CandidateDesign, effect: Effect, run: int | None) -> Form:
     terms = tuple(design.terms(effect.parts()))
     if run is not None:
         terms = tuple(ColumnGroup((term.columns[run],)) for term in terms)
-    return Form(effect, terms, run)
+    sizes = np.concatenate([design.size_of(term) for term in terms])
+    return Form(effect, terms, run, _relative(effect.coefficient_units, sizes))
+
+
+def _relative(units: Sequence[str], sizes: FloatArray) -> tuple[float, ...]:
+    """Return prior deviations [√Δχ²] of the coefficients of columns (p,) over the largest of them.
+
+    Coefficients of one unit are equally large beforehand: a lag of a minute explains less than
+    one of an hour. Those of several units have no such scale.
+    """
+    largest = float(sizes.max(initial=0.0))
+    alike = len(set(units)) == 1 and largest > 0.0
+    return tuple((sizes / largest).tolist()) if alike else (1.0,) * len(sizes)
 
 
 def usable(effect: type[Effect], sensor: Sensor, runs: Sequence[PreparedRun]) -> bool:

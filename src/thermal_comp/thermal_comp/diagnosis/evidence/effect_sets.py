@@ -23,7 +23,7 @@ class Component:
 
     form: Form
     amplitude: float
-    """Prior standard deviation [√Δχ²]."""
+    """Prior standard deviation of its largest coefficient [√Δχ²]."""
     forms: int
     """Forms of its family, equally likely."""
 
@@ -35,14 +35,14 @@ class Component:
     @property
     def columns(self) -> tuple[int, ...]:
         """Columns of the design."""
-        return tuple(c for term in self.form.terms for c in term.columns)
+        return self.form.columns
 
     @property
     def prior(self) -> CoefficientPrior:
         """Prior of its coefficients."""
-        columns = self.columns
-        deviation = np.full(len(columns), self.amplitude)
-        return CoefficientPrior(columns, shared=self.form.terms[0].shared, deviation=deviation)
+        deviation = self.amplitude * np.array(self.form.relative)
+        shared = self.form.terms[0].shared
+        return CoefficientPrior(self.columns, shared=shared, deviation=deviation)
 
 
 @dataclass(frozen=True, eq=False)

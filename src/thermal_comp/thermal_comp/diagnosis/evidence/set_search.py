@@ -138,8 +138,12 @@ def _addition(
     integrals: list[float] = []
     best: tuple[float, Component] | None = None
     for forms in _alike(family.forms):
-        columns = np.array([[c for t in form.terms for c in t.columns] for form in forms])
-        evidence, _ = state.evidences(columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared)
+        evidence, _ = state.evidences(
+            np.array([form.columns for form in forms]),
+            priors.AMPLITUDES,
+            shared=forms[0].terms[0].shared,
+            relative=np.array([form.relative for form in forms]),
+        )
         weighted = evidence + amplitude_prior - before
         each = np.logaddexp.reduce(weighted, axis=1)
         integrals += (each - np.log(count)).tolist()
