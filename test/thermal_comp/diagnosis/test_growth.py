@@ -2,6 +2,7 @@
 """What no effect describes is described without a name, where held-out parts confirm it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from thermal_comp.diagnosis import growth
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.grown_model import Growth
 from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises
+from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.model.file import load_model, save_model
@@ -112,6 +114,24 @@ def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> No
     assert grown.diagnosis.predictions[0].terms == ()
     assert grown.model.sensors['magnetometer'].effects == (LINE,)
     assert 'temperature_rate (magnetometer) raises the held-out error: left out' in said
+
+
+def test_what_lowers_the_error_by_chance_waits_for_what_lowers_it_surely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A step of a drone's board was added first, and a hysteresis then took the lag's place."""
+    runs = prepare(campaign(4.0))
+    listed = [Finding('effect', name, SENSOR, 9.0, 0.0) for name in ('bias_drift', 'thermal_lag')]
+    rounds = iter([listed, [], listed[:1], []])
+    monkeypatch.setattr(
+        growth,
+        'diagnose_prepared',
+        lambda *_: SimpleNamespace(findings=next(rounds), explanations=()),
+    )
+    sure = grow(None, runs, Settings(EFFECTS), named_only=True)
+    assert [step.added for step in sure.steps] == ['thermal_lag']
+    chance = grow(None, runs, Settings(EFFECTS), named_only=True)
+    assert [(step.added, step.lowered) for step in chance.steps] == [('bias_drift', False)]
 
 
 def test_an_effect_that_spoils_one_axis_raises_the_error(grown: Growth) -> None:

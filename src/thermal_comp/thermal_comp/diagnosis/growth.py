@@ -143,8 +143,10 @@ def _with_named_effect(
 ) -> Growth | None:
     """Return the model with the strongest effect that was named and lowers the error.
 
-    `left_out` keeps the names, each with its sensors, that do not.
+    What lowers it by no more than chance waits for the others: beside them it may be needless.
+    `left_out` keeps the names, each with its sensors, that do not lower it.
     """
+    waiting: Growth | None = None
     for found in diagnosis.findings:
         key = f'{found.name} ({found.sensor})'
         if found.kind != 'effect' or found.name is None or key in left_out:
@@ -155,11 +157,14 @@ def _with_named_effect(
         chosen = _forms_by_sensor(runs, listed, noise, found.name, settings, sensors)
         placed = {s: (effect,) for s, effect in chosen.items()}
         grown = _with_effects(model, runs, noise, listed, placed, found.ambiguous_with)
-        if not held_out_error_rises(grown, list(placed)):
+        if held_out_error_rises(grown, list(placed)):
+            report(f'{key} raises the held-out error: left out')
+            left_out.add(key)
+        elif grown.steps[-1].lowered:
             return grown
-        report(f'{key} raises the held-out error: left out')
-        left_out.add(key)
-    return None
+        else:
+            waiting = waiting or grown
+    return waiting
 
 
 def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:

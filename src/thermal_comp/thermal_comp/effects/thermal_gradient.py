@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import Effect, Kin, State
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
+from thermal_comp.effects.temperature_rate import TemperatureRate
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,60 @@ class ThermalGradient(Effect):
         assert outside is not None  # noqa: S101 (declared in channels)
         return (outside - conditions.temperature)[:, None], None
 
+    @classmethod
+    def guess(cls) -> type[Effect] | None:
+        """Return the effect of surroundings that the die follows, and heats itself above."""
+        return GuessedGradient
+
     def c_columns(self, c: CForm) -> CColumns:
         """Return T_outside − T."""
         return CColumns([f'({c.channel("chamber_temperature")} - {c.temperature})'])
+
+
+SELF_HEATING_K = 0.6
+"""What a die is warmer than its surroundings by when it has settled [K]: 0.3 to 1 K."""
+
+
+@dataclass(frozen=True)
+class GuessedGradient(ThermalGradient):
+    """The error follows a difference to surroundings whose temperature was not logged.
+
+    A die that follows them with a time constant θ, and heats itself by ΔT (1 − exp(−t/τ)) after
+    power-on, is cooler than they are by θ (dT/dt + ΔT (1/θ − 1/τ) exp(−t/τ)), up to a constant.
+    """
+
+    settling: float = shape_parameter(300.0, unit='s', bounds=(5.0, 3000.0))
+    heating_time: float = shape_parameter(150.0, unit='s', bounds=(40.0, 600.0))
+
+    name: ClassVar[str] = 'guessed_gradient'
+    channels: ClassVar[tuple[str, ...]] = ()
+    guessed_channel: ClassVar[str] = 'chamber_temperature'
+    twin: ClassVar[str] = ''
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 1): guessed difference over θ [K/s]."""
+        rate, state = TemperatureRate().columns(conditions, state)
+        return rate + self._since_power_on(conditions), state
+
+    def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
+        """Return (n, 1): the same with the derivative itself, of a smooth temperature."""
+        rate = TemperatureRate().columns_in_hindsight(conditions)
+        return np.asarray(rate + self._since_power_on(conditions))
+
+    def _since_power_on(self, conditions: Conditions) -> FloatArray:
+        """Return (n, 1) what self-heating makes of the difference over θ [K/s]."""
+        size = SELF_HEATING_K * (1.0 / self.settling - 1.0 / self.heating_time)
+        return np.asarray(size * np.exp(-conditions.time / self.heating_time)[:, None])
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return settling times of a board to those of a housing."""
+        settling, heating = np.geomspace(8.0, 2000.0, 9), (60.0, 150.0, 400.0)
+        return [Candidate(cls(float(s), h)) for s, h in product(settling, heating)]
+
+    @classmethod
+    def guess(cls) -> type[Effect] | None:
+        """Return nothing: it is the guess."""
+        return None

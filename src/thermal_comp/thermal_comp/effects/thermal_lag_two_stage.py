@@ -22,7 +22,7 @@ class ThermalLagTwoStage(Effect):
     """The element feels two lagged temperatures, a fast and a slow one."""
 
     time_constant_fast: float = shape_parameter(
-        60.0, unit='s', bounds=(10.0, 600.0), searched=(20.0, 600.0)
+        60.0, unit='s', bounds=(10.0, 1800.0), searched=(20.0, 1800.0)
     )
     time_constant_slow: float = shape_parameter(1200.0, unit='s', bounds=(120.0, 7200.0))
 
@@ -70,7 +70,7 @@ class ThermalLagTwoStage(Effect):
         return [
             Candidate(cls(fast, slow))
             for fast, slow in combinations(TIME_CONSTANTS_S.tolist(), 2)
-            if slow > cls.least_ratio * fast and fast <= 600.0 and slow >= 120.0
+            if slow > cls.least_ratio * fast and fast <= 1800.0 and slow >= 120.0
         ]
 
     def parts(self) -> tuple[Effect, ...]:

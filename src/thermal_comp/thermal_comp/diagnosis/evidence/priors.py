@@ -28,6 +28,10 @@ LOOKS_LIKE_LOST_PROBABILITY = 0.5
 """That an effect named beside such a variable is a part of what the variable does, where its
 traces, or a guess, follow it in part only: many laws look somewhat like a lag or a hysteresis."""
 
+GUESSED_COURSE_PROBABILITY = 0.5
+"""That such a variable has the course that is guessed: that of closed air, or of what a die that
+heats itself follows; doors are opened, and fans turned."""
+
 WITHOUT_TRACE_PROBABILITY = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 

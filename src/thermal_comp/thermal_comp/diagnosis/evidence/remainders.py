@@ -189,7 +189,12 @@ def as_unlogged(some: EffectSet, rest: list[Remainder]) -> list[Remainder]:
     if not some.guessed:
         return rest
     own = {'', 'flaw'}
-    lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
+    share = float(np.log(priors.GUESSED_COURSE_PROBABILITY))
+    lost = [
+        replace(b, kind=UNLOGGED, depends_on=some.guessed, log_weight=b.log_weight + share)
+        for b in rest
+        if b.kind in own
+    ]
     return [
         *(b for b in rest if b.kind not in own),
         *_with_effects_of_lost_channel(lost, _effects_beside_lost_channel(some)),
