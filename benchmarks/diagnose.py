@@ -36,8 +36,8 @@ class Claim:
 
 
 CLAIMS = (
-    Claim('3 × 12 h at 1 Hz', 1, 10.0, 3.0),
-    Claim('3 × 12 h at 100 Hz', 100, 60.0, 3.0),
+    Claim('3 × 12 h at 1 Hz', 1, 5.0, 2.0),
+    Claim('3 × 12 h at 100 Hz', 100, 30.0, 2.0),
 )
 IDLE = (
     'import os, time; a = time.perf_counter(); b = time.process_time(); '
