@@ -68,3 +68,27 @@ def test_noise_that_is_far_too_loud_may_have_a_cause() -> None:
              for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
              if e['sensor'] == 'magnetometer'}  # fmt: skip
     assert found['unlogged',] + found['not_in_catalogue',] > 0.5 > found['nothing',]
+
+
+def test_a_fast_lag_below_the_noise_may_act() -> None:
+    # Both stages had to explain as much: without the fast one it was one lag, 93 % sure.
+    campaign = draw_campaign(4331, 'irrelevant_channels')
+    effects = {e['name']: e['sensors'] for e in campaign.truth.to_dict()['effects']}
+    assert effects['thermal_lag_two_stage'] == ('gyroscope',)
+    found = {tuple(e['names']): e['probability']
+             for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'gyroscope'}  # fmt: skip
+    assert found['thermal_lag',] < 0.9
+    assert found['thermal_lag_two_stage',] > 0.1
+
+
+def test_surroundings_that_were_not_logged_make_a_rate_and_a_warm_up() -> None:
+    # The die heats itself after power-on, so that a difference to its surroundings shows both.
+    campaign = draw_campaign(4325, 'several_days')
+    (hidden,) = campaign.truth.to_dict()['effects']
+    assert (hidden['name'], hidden['logged']) == ('thermal_gradient', False)
+    found = [e for e in tc.diagnose(campaign.recordings).to_dict()['explanations']
+             if e['sensor'] == 'magnetometer']  # fmt: skip
+    assert found[0]['names'] == ['unlogged']
+    assert found[0]['depends_on'] == 'chamber_temperature'
+    assert found[0]['probability'] > 0.9

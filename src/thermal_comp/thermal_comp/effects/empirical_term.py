@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -27,23 +29,75 @@ HALF_WIDTHS_K = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Half-widths of plays [K]."""
 DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
 """Time constants of decays since power-on [s]."""
-COLUMN_GROUPS = np.repeat(
-    np.arange(4), (len(POLYNOMIAL_DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S))
-)
-"""(p,) group of each column: temperature, lags, branches, time since power-on."""
-GROUP_COUNT = int(COLUMN_GROUPS[-1]) + 1
+BUMPS = tuple(np.linspace(-1.0, 1.0, 15).tolist())
+"""Middles of bumps over the range of x, for what no polynomial follows."""
+BUMP_RADIUS = 0.3
+"""Distance from its middle at which a bump ends."""
+LEAST_BENT_LAG_S = 15.0
+"""Least lag of those in products: the noise of the thermometer counts twice there."""
+BENT_HALF_WIDTHS_K = (2.0, 8.0)
+"""Half-widths of plays that change the curve over temperature …"""
+BENT_DEGREES = (1, 2, 3, 4)
+"""… by polynomials of these degrees."""
+BENT_LAGS = tuple(k for k, lag in enumerate(LAGS_S) if lag >= LEAST_BENT_LAG_S)
+"""Places of the lags in products."""
+
+
+class Group(IntEnum):
+    """Groups of columns, whose coefficients have one prior; the first four are the plain ones."""
+
+    CURVES = 0
+    """Polynomials in temperature."""
+    LAGS = 1
+    BRANCHES = 2
+    DECAYS = 3
+    """Since power-on."""
+    BUMPS = 4
+    """Over temperature."""
+    LAGS_BY_TEMPERATURE = 5
+    SQUARED_LAGS = 6
+    BENT_BRANCHES = 7
+    """Branches times a curve over temperature."""
+
+
+SIZES = {
+    Group.CURVES: len(POLYNOMIAL_DEGREES),
+    Group.LAGS: len(LAGS_S),
+    Group.BRANCHES: len(HALF_WIDTHS_K),
+    Group.DECAYS: len(DECAYS_S),
+    Group.BUMPS: len(BUMPS),
+    Group.LAGS_BY_TEMPERATURE: len(BENT_LAGS),
+    Group.SQUARED_LAGS: len(BENT_LAGS),
+    Group.BENT_BRANCHES: len(BENT_HALF_WIDTHS_K) * len(BENT_DEGREES),
+}
+COLUMN_GROUPS = np.repeat([*SIZES], [*SIZES.values()])
+"""(p,) group of each column."""
+GROUP_COUNT = len(SIZES)
 """Number of groups of columns."""
+PLAIN_GROUPS = 4
+"""Number of them that are no bumps and no products."""
+LARGEST_SQUARED = 3.0
+"""Weighted lag over the half range beyond which its square goes on as a line."""
+LAG_GROUPS = frozenset({Group.LAGS, Group.LAGS_BY_TEMPERATURE, Group.SQUARED_LAGS})
+PLAY_GROUPS = frozenset({Group.BRANCHES, Group.BENT_BRANCHES})
+"""Groups that have a history."""
 
 
-def _lag_root() -> FloatArray:
+def _lag_root(lags: FloatArray) -> FloatArray:
     """Return (l, l) the Cholesky factor of the correlation of the lags' amplitudes."""
-    apart = np.subtract.outer(np.log(LAGS_S), np.log(LAGS_S)) / LAG_CORRELATION
-    root: FloatArray = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-4 * np.eye(len(LAGS_S)))
+    apart = np.subtract.outer(np.log(lags), np.log(lags)) / LAG_CORRELATION
+    root: FloatArray = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-4 * np.eye(len(lags)))
     return root
 
 
-LAG_ROOT = _lag_root()
-"""Mixing by which independent coefficients give lags amplitudes that are alike."""
+SMOOTHNESS: FloatArray = (2.0 / np.array(POLYNOMIAL_DEGREES)) ** 2
+"""How large a polynomial of each degree may be: a curve is smooth."""
+LAG_WEIGHTS: FloatArray = 1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)
+"""Weights of the lags, whose differences are small where they are fast."""
+LAG_ROOT = _lag_root(np.array(LAGS_S))
+"""Mixing by which independent coefficients give lags amplitudes that are alike …"""
+BENT_ROOT = _lag_root(np.array(LAGS_S)[list(BENT_LAGS)])
+"""… and those in products."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +107,19 @@ class Empirical(Effect):
     middle: float = shape_parameter(20.0, unit='°C', bounds=(-100.0, 150.0), given=True)
     half_range: float = shape_parameter(30.0, unit='K', bounds=(1.0, 150.0), given=True)
     deviations: tuple[float, ...] = shape_parameter(
-        (1.0,) * 3 * (int(COLUMN_GROUPS[-1]) + 1), unit='1', bounds=(0.0, 1e6), given=True
+        (1.0,) * 3 * GROUP_COUNT, unit='1', bounds=(0.0, 1e6), given=True
     )
-    """Prior standard deviations of the coefficients: group by group, each of three axes [unit]."""
+    """Prior standard deviations of the coefficients: group by group, each of three axes [unit].
+
+    Groups that are not listed are not in use.
+    """
 
     name: ClassVar[str] = 'empirical_term'
     equation: ClassVar[str] = (
-        'error = Σ a_k P_k(x) + Σ b_τ (T_τ − T)(1 + 600 s/τ)/h + Σ c_r (P_r[T] − T)/h + '
-        'Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, T_τ = T through a lag of τ, '
-        'P_r = play of half-width r'
+        'error = Σ a_k P_k(x) + Σ h_c Q(x − c) + Σ (b_τ + e_τ x + f_τ B_τ) B_τ + '
+        'Σ (c_r + Σ g_rk P_k(x)) C_r + Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, Q a bump, '
+        'B_τ = (T_τ − T)(1 + 600 s/τ)/h of T through a lag of τ, C_r = (P_r[T] − T)/h of a play '
+        'of half-width r'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
     mechanism: ClassVar[str] = (
@@ -89,75 +147,115 @@ class Empirical(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 31) columns [1]: polynomials, lags, branches, decays since power-on.
-
-        Those of a group whose coefficients are zero on every axis are zero and have no history.
-        """
+        """Return (n, p) columns [1] of the groups in use, whose coefficients may act."""
         time, temperature = conditions.time, conditions.temperature
-        with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
+        used = self._groups_in_use
         lag_states, play_states = state or ((None,) * len(LAGS_S), (None,) * len(HALF_WIDTHS_K))
-        parts = [np.zeros((len(time), int(width))) for width in np.bincount(COLUMN_GROUPS)]
-        if with_curves:
-            x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
-            every = legendre.legvander(x, POLYNOMIAL_DEGREES[-1])[:, POLYNOMIAL_DEGREES[0] :]
-            parts[0] = every * (2.0 / np.array(POLYNOMIAL_DEGREES)) ** 2
-        if with_lags:
-            followed = [
-                follow(time, temperature, lag, before)
-                for lag, before in zip(LAGS_S, lag_states, strict=True)
+        x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
+        curve = legendre.legvander(x, POLYNOMIAL_DEGREES[-1])
+        parts = {Group.CURVES: curve[:, POLYNOMIAL_DEGREES] * SMOOTHNESS}
+        if used & LAG_GROUPS:
+            lags = [
+                follow(time, temperature, *one) for one in zip(LAGS_S, lag_states, strict=True)
             ]
-            behind = np.stack([lagged - temperature for lagged, _ in followed], axis=1)
-            lags = behind * (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)) @ LAG_ROOT
-            parts[1], lag_states = lags / self.half_range, tuple(s for _, s in followed)
-        if with_plays:
-            played = [
-                play(temperature, width, before)
-                for width, before in zip(HALF_WIDTHS_K, play_states, strict=True)
+            behind = np.stack([lagged - temperature for lagged, _ in lags], axis=1)
+            behind *= LAG_WEIGHTS / self.half_range
+            slow = behind[:, BENT_LAGS]
+            parts |= {
+                Group.LAGS: behind @ LAG_ROOT,
+                Group.LAGS_BY_TEMPERATURE: slow * x[:, None] @ BENT_ROOT,
+            }
+            held = np.clip(slow, -LARGEST_SQUARED, LARGEST_SQUARED)
+            parts[Group.SQUARED_LAGS] = slow * held @ BENT_ROOT
+            lag_states = tuple(after for _, after in lags)
+        if used & PLAY_GROUPS:
+            plays = [
+                play(temperature, *one) for one in zip(HALF_WIDTHS_K, play_states, strict=True)
             ]
-            branches = np.stack([branch - temperature for branch, _ in played], axis=1)
-            parts[2], play_states = branches / self.half_range, tuple(s for _, s in played)
-        if with_decays:
-            parts[3] = np.exp(-np.maximum(time, 0.0)[:, None] / np.array(DECAYS_S))
-        after = (lag_states, play_states) if with_lags or with_plays else None
-        return np.concatenate(parts, axis=1), after
+            branches = np.stack([branch - temperature for branch, _ in plays], axis=1)
+            branches /= self.half_range
+            bent = [branches[:, HALF_WIDTHS_K.index(r), None] for r in BENT_HALF_WIDTHS_K]
+            parts |= {
+                Group.BRANCHES: branches,
+                Group.BENT_BRANCHES: np.hstack([b * curve[:, BENT_DEGREES] for b in bent]),
+            }
+            play_states = tuple(after for _, after in plays)
+        if Group.DECAYS in used:
+            parts[Group.DECAYS] = np.exp(-np.maximum(time, 0.0)[:, None] / np.array(DECAYS_S))
+        if Group.BUMPS in used:
+            away = np.clip((x[:, None] - BUMPS) / BUMP_RADIUS, -1.0, 1.0)
+            parts[Group.BUMPS] = (1.0 - away**2) ** 2
+        after = (lag_states, play_states) if used & (LAG_GROUPS | PLAY_GROUPS) else None
+        return np.hstack([np.zeros((len(time), 0)), *(parts[g] for g in sorted(used))]), after
 
-    def _groups_in_use(self) -> list[bool]:
-        """Return of each group whether a coefficient may differ from zero."""
+    @cached_property
+    def _groups_in_use(self) -> frozenset[Group]:
+        """Groups of which a coefficient may differ from zero."""
         per_group = np.array(self.deviations).reshape(-1, 3)
-        return [bool(used) for used in (per_group > 0.0).any(axis=1)]
+        return frozenset(map(Group, np.flatnonzero((per_group > 0.0).any(axis=1)).tolist()))
 
     def c_columns(self, c: CForm) -> CColumns:
-        """Return polynomials, lags behind T, branches and decays; their scales are the mixing."""
+        """Return polynomials, bumps, lags behind T, branches and decays, and their products.
+
+        Their scales and the mixing of lags are taken into the coefficients.
+        """
         from scipy.linalg import block_diag  # only now: nodes start without it
 
-        t = c.temperature
-        with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
-        expressions: list[str] = []
-        if with_curves:
-            expressions += self._c_polynomials(c)
-        if with_lags:
-            expressions += [c.behind(t, lag) for lag in LAGS_S]
-        if with_plays:
-            expressions += [f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K]
-        if with_decays:
-            since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
-            expressions += [c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S]
-        lags = (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S))[:, None] * LAG_ROOT / self.half_range
-        curves = np.diag((2.0 / np.array(POLYNOMIAL_DEGREES)) ** 2)
-        branches = np.eye(len(HALF_WIDTHS_K)) / self.half_range
-        mixing = block_diag(curves, lags, branches, np.eye(len(DECAYS_S)))
-        return CColumns(expressions, mixing[np.array(self._groups_in_use())[COLUMN_GROUPS]])
-
-    def _c_polynomials(self, c: CForm) -> list[str]:
-        """Return the Legendre polynomials by Bonnet's recursion."""
+        t, used = c.temperature, self._groups_in_use
         middle, half_range = c.number(self.middle), c.number(self.half_range)
-        x = c.let(c.clip(f'({c.temperature} - {middle}) / {half_range}', -1.0, 1.0))
-        powers = [c.number(1.0), x]
-        for k in range(1, POLYNOMIAL_DEGREES[-1]):
-            up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
-            powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
-        return [powers[degree] for degree in POLYNOMIAL_DEGREES]
+        x = ''
+        if used & {Group.CURVES, Group.BUMPS, Group.LAGS_BY_TEMPERATURE, Group.BENT_BRANCHES}:
+            x = c.let(c.clip(f'({t} - {middle}) / {half_range}', -1.0, 1.0))
+        curve = _c_polynomials(c, x) if used & {Group.CURVES, Group.BENT_BRANCHES} else []
+        parts: dict[Group, tuple[list[str], FloatArray]] = {}
+        if Group.CURVES in used:
+            curves = [curve[degree] for degree in POLYNOMIAL_DEGREES]
+            parts[Group.CURVES] = curves, np.diag(SMOOTHNESS)
+        if used & LAG_GROUPS:
+            behind = [c.behind(t, lag) for lag in LAGS_S]
+            scale = (LAG_WEIGHTS / self.half_range)[:, None]
+            slow, bent = [behind[k] for k in BENT_LAGS], scale[list(BENT_LAGS)]
+            limits = (LARGEST_SQUARED / bent[:, 0]).tolist()
+            held = [c.clip(lag, -top, top) for lag, top in zip(slow, limits, strict=True)]
+            parts[Group.LAGS] = behind, scale * LAG_ROOT
+            parts[Group.LAGS_BY_TEMPERATURE] = [f'{lag} * {x}' for lag in slow], bent * BENT_ROOT
+            squares = [f'{lag} * {limited}' for lag, limited in zip(slow, held, strict=True)]
+            parts[Group.SQUARED_LAGS] = squares, bent**2 * BENT_ROOT
+        if used & PLAY_GROUPS:
+            branches = [f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K]
+            parts[Group.BRANCHES] = branches, np.eye(len(branches)) / self.half_range
+            if Group.BENT_BRANCHES in used:
+                of = [branches[HALF_WIDTHS_K.index(width)] for width in BENT_HALF_WIDTHS_K]
+                products = [f'{branch} * {curve[k]}' for branch in of for k in BENT_DEGREES]
+                parts[Group.BENT_BRANCHES] = products, np.eye(len(products)) / self.half_range
+        if Group.DECAYS in used:
+            since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
+            decays = [c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S]
+            parts[Group.DECAYS] = decays, np.eye(len(decays))
+        if Group.BUMPS in used:
+            bumps = [_c_bump(c, x, at) for at in BUMPS]
+            parts[Group.BUMPS] = bumps, np.eye(len(bumps))
+        listed = [parts[group] for group in sorted(used)]
+        expressions = [expression for part, _ in listed for expression in part]
+        return CColumns(expressions, block_diag(*(mixing for _, mixing in listed)))
 
     def coefficient_deviations(self) -> FloatArray:
         """Return (p, 3) prior standard deviations of the coefficients [unit]."""
-        return np.array(self.deviations).reshape(-1, 3)[COLUMN_GROUPS]
+        in_use = np.isin(COLUMN_GROUPS, list(self._groups_in_use))
+        return np.asarray(np.reshape(self.deviations, (-1, 3))[COLUMN_GROUPS[in_use]])
+
+
+def _c_polynomials(c: CForm, x: str) -> list[str]:
+    """Return the Legendre polynomials of degree 0 on, by Bonnet's recursion."""
+    powers = [c.number(1.0), x]
+    for k in range(1, POLYNOMIAL_DEGREES[-1]):
+        up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
+        powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
+    return powers
+
+
+def _c_bump(c: CForm, x: str, middle: float) -> str:
+    """Return a bump about its middle."""
+    away = c.let(c.clip(f'({x} - {c.number(middle)}) / {c.number(BUMP_RADIUS)}', -1.0, 1.0))
+    left = c.let(f'{c.number(1.0)} - {away} * {away}')
+    return f'{left} * {left}'

@@ -13,7 +13,12 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import COLUMN_GROUPS, GROUP_COUNT, Empirical
+from thermal_comp.effects.empirical_term import (
+    COLUMN_GROUPS,
+    GROUP_COUNT,
+    PLAIN_GROUPS,
+    Empirical,
+)
 from thermal_comp.fitting.part_sums import PartSums, part_sums
 from thermal_comp.linear.design import prior_precision
 from thermal_comp.linear.normal_equations import taken_out
@@ -21,6 +26,8 @@ from thermal_comp.model.values import NoiseModel
 
 WIDTH_LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)
 """Rms that a group of columns may have, in standard deviations of a whitened row."""
+ROUNDING = 1e-12
+"""Share of a column's power that counts as noise of its products."""
 GROUP_PROBABILITY = 0.3
 """Probability that an axis needs a group at all."""
 
@@ -34,7 +41,8 @@ def empirical_form(
     """Return the empirical term for the axes whose held-out error it lowers; None without any.
 
     Each group of columns of each axis is absent or has one of WIDTH_LEVELS, whichever is likeliest
-    without the part that is held out. The error on longer parts must fall, too.
+    without the part that is held out. The error on longer parts must fall, too. The plain groups
+    are tried alone and with all others: what leaves least is taken.
     """
     low = min(float(run.temperature.min()) for run in runs)
     high = max(float(run.temperature.max()) for run in runs)
@@ -44,26 +52,31 @@ def empirical_form(
     before = _errors(sums, own, {})
     if not any(may_fall(before[:, axis], sums.variance[axis]) for axis in range(3)):
         return None
-    after = _errors(sums, own, _widths_without(sums, own))
-    lower = np.array([falls(before[:, k], after[:, k], sums.variance[k]) for k in range(3)])
-    longer = sums.longer()
-    if lower.any() and longer is not sums:
-        lower &= _fall_on_longer(longer, own)
-    if not lower.any():
+    least, chosen = before.sum(axis=0), np.zeros((GROUP_COUNT, 3))
+    for count in (PLAIN_GROUPS, GROUP_COUNT):
+        after = _errors(sums, own, _widths_without(sums, own, count))
+        lower = np.array([falls(before[:, k], after[:, k], sums.variance[k]) for k in range(3)])
+        longer = sums.longer()
+        if lower.any() and longer is not sums:
+            lower &= _fall_on_longer(longer, own, count)
+        lower &= after.sum(axis=0) < least
+        if lower.any():
+            least = np.where(lower, after.sum(axis=0), least)
+            chosen = np.where(lower, _likeliest_widths(sums, 0, own, count), chosen)
+    if not chosen.any():
         return None
-    widths = np.where(lower, _likeliest_widths(sums, 0, own), 0.0)
-    return Empirical(form.middle, form.half_range, tuple(widths.ravel().tolist()))
+    return Empirical(form.middle, form.half_range, tuple(chosen.ravel().tolist()))
 
 
-def _widths_without(sums: PartSums, own: IntArray) -> Mapping[int, FloatArray]:
-    """Return the likeliest widths by the part that is held out."""
-    return {part: _likeliest_widths(sums, part, own) for part in sums.parts()}
+def _widths_without(sums: PartSums, own: IntArray, count: int) -> Mapping[int, FloatArray]:
+    """Return the likeliest widths of the first groups by the part that is held out."""
+    return {part: _likeliest_widths(sums, part, own, count) for part in sums.parts()}
 
 
-def _fall_on_longer(longer: PartSums, own: IntArray) -> NDArray[np.bool_]:
+def _fall_on_longer(longer: PartSums, own: IntArray, count: int) -> NDArray[np.bool_]:
     """Return (3,) whether the error of each axis falls by enough to matter on longer parts."""
     before = _errors(longer, own, {}).sum(axis=0)
-    after = _errors(longer, own, _widths_without(longer, own)).sum(axis=0)
+    after = _errors(longer, own, _widths_without(longer, own, count)).sum(axis=0)
     return np.array([falls_enough(*pair) for pair in zip(before, after, strict=True)])
 
 
@@ -80,27 +93,31 @@ def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> 
     return np.concatenate(left)
 
 
-def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:
-    """Return (4, 3) likeliest prior deviations of each group and axis, from all parts but one."""
+def _likeliest_widths(sums: PartSums, part: int, own: IntArray, count: int) -> FloatArray:
+    """Return (g, 3) likeliest prior deviations by group and axis, from all parts but one.
+
+    Those of the first `count` groups; the others are absent.
+    """
     training, rows = sums.training(part), int(sums.rows[(sums.part != part) | (part == 0)].sum())
     found = np.zeros((GROUP_COUNT, 3))
     for axis in range(3):
         left = taken_out(training[axis], sums.known)[0]
+        # A column that those before it explain leaves but rounding, which is no direction.
+        left[own, own] += ROUNDING * np.diag(training[axis])[own]
         powers = np.array(
             [np.diag(left)[own[g == COLUMN_GROUPS]].sum() for g in range(GROUP_COUNT)]
         )
         unit = np.sqrt(rows / np.maximum(powers, 1e-300))
-        everywhere = [_climbed(left, own, unit, rows, start) for start in (0, 2)]
+        everywhere = [_climbed(left, own, unit, rows, (start,) * count) for start in (0, 2)]
         levels = max(everywhere, key=lambda found: found[1])[0]
-        found[:, axis] = np.array([WIDTH_LEVELS[k] for k in levels]) * unit
+        found[:count, axis] = np.array([WIDTH_LEVELS[k] for k in levels]) * unit[:count]
     return found
 
 
 def _climbed(
-    left: FloatArray, own: IntArray, unit: FloatArray, rows: int, start: int
+    left: FloatArray, own: IntArray, unit: FloatArray, rows: int, best: tuple[int, ...]
 ) -> tuple[tuple[int, ...], float]:
     """Return levels and their likelihood, from a start until no single change is likelier."""
-    best = (start,) * GROUP_COUNT
     value = _log_likelihood(left, own, unit, rows, best)
     while True:
         tried = [(n, _log_likelihood(left, own, unit, rows, n)) for n in _neighbours(best)]
@@ -112,7 +129,7 @@ def _climbed(
 
 def _neighbours(levels: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     """Yield all levels that differ from these in one group."""
-    for group in range(GROUP_COUNT):
+    for group in range(len(levels)):
         for level in range(len(WIDTH_LEVELS)):
             if level != levels[group]:
                 yield (*levels[:group], level, *levels[group + 1 :])
@@ -122,7 +139,8 @@ def _log_likelihood(
     left: FloatArray, own: IntArray, unit: FloatArray, rows: int, levels: tuple[int, ...]
 ) -> float:
     """Return ln of the marginal likelihood and the prior of the levels; noise is integrated."""
-    scale = (np.array([WIDTH_LEVELS[k] for k in levels]) * unit)[COLUMN_GROUPS]
+    absent = (0,) * (GROUP_COUNT - len(levels))
+    scale = (np.array([WIDTH_LEVELS[k] for k in (*levels, *absent)]) * unit)[COLUMN_GROUPS]
     on = scale > 0.0
     value = sum(
         np.log(GROUP_PROBABILITY / (len(WIDTH_LEVELS) - 1) if k else 1.0 - GROUP_PROBABILITY)

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import EARTH_RATE_RAD_S, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical_term import COLUMN_GROUPS, GROUP_COUNT, Empirical
+from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.gaussian_evidence import log_sum
@@ -110,7 +110,7 @@ class Pool:
         self._span = span
         middle, half = 0.5 * (span[0] + span[1]), max(0.5 * (span[1] - span[0]), 1.0)
         self._line = BiasTemperature()
-        self._bends = Empirical(middle, half, (FREE_STD,) * 3 + (0.0,) * 3 * (GROUP_COUNT - 1))
+        self._bends = Empirical(middle, half, (FREE_STD,) * 3)
         self._noise, guessed = noise_of_runs(runs, sensor, COARSE_LAGS)
         self.notes = [guessed] if guessed else []
         curve = {sensor: (self._line, self._bends)}
@@ -133,15 +133,13 @@ class Pool:
         """Return gram and moment of each stretch: 3 levels, then (p, 3) coefficients."""
         if form not in self._each:
             effects = form.effects(self._line, self._bends)
-            # Of the empirical term the polynomials come first, the rest is zero.
-            width = CURVE_SIZE if form.tied else 1 + len(COLUMN_GROUPS)
             found = []
             for base in self._designs:
                 design = base.with_effects({self._sensor: effects})
                 design.raw, design.white = dict(base.raw), dict(base.white)
                 # The decays after gaps are left out: a stretch is too short for them.
                 first = design.levels
-                further = first + 3 * width
+                further = first + 3 * CURVE_SIZE
                 own = np.r_[
                     :3,
                     first : first + 3 * CURVE_SIZE,
@@ -278,23 +276,17 @@ class Pool:
         """Return the solution as the model of the sensor."""
         answer, rows = self._answer, np.flatnonzero(self._kept)
         levels, found, covariance = self._unpacked(answer, len(rows))
-        sizes = np.zeros((GROUP_COUNT, 3))
+        size = np.zeros(3)
         for solution, axes in zip(answer.each, self._axes, strict=True):
-            sizes[0, list(axes)] = solution.sigma[2]
-        bends = replace(self._bends, deviations=tuple(sizes.ravel().tolist()))
+            size[list(axes)] = solution.sigma[2]
+        bends = replace(self._bends, deviations=tuple(size.tolist()))
         lag = () if answer.form.lag is None else (answer.form.lag,)
-        everything = np.zeros((1 + len(COLUMN_GROUPS) + len(lag), 3))
-        # The other groups of the empirical term stand between the polynomials and the lag.
-        place = np.r_[:CURVE_SIZE, len(everything) - len(lag) : len(everything)]
-        everything[place] = found
-        wide = np.zeros((len(everything), 3, len(everything), 3))
-        wide[np.ix_(place, np.arange(3), place, np.arange(3))] = covariance
         effects: tuple[Effect, ...] = (self._line, bends, *lag)
-        split = np.split(everything, [1, 1 + len(COLUMN_GROUPS)][: len(effects) - 1])
+        split = np.split(found, [1, CURVE_SIZE][: len(effects) - 1])
         return SensorModel(
             effects=effects,
             coefficients=tuple(split),
-            covariance=wide.reshape(everything.size, everything.size),
+            covariance=covariance.reshape(found.size, found.size),
             noise=self._noise,
             levels={self._runs[r].name: levels[k] for k, r in enumerate(rows.tolist())},
             contributions={e.name: self._rms(e, c) for e, c in zip(effects, split, strict=True)},
