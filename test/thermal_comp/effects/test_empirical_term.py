@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from imu_recording.user_error import UserError
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CForm, Signals
 from thermal_comp.effects.empirical_term import (
@@ -42,6 +43,12 @@ def test_only_groups_in_use_have_columns(used: tuple[int, ...]) -> None:
 def test_groups_that_are_not_listed_are_not_in_use() -> None:
     curve = Empirical(deviations=(1.0,) * 3)
     assert curve.columns(conditions())[0].shape[1] == int((COLUMN_GROUPS == 0).sum())
+
+
+@pytest.mark.parametrize('count', [2, 27])
+def test_deviations_are_three_a_group(count: int) -> None:
+    with pytest.raises(UserError, match=f'{count} deviations; give three'):
+        Empirical(deviations=(1.0,) * count)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 from numpy.polynomial import legendre
 
 from thermal_comp.data.conditions import Conditions
@@ -143,6 +144,14 @@ class Empirical(Effect):
     )
     searched: ClassVar[bool] = False
     names_cause: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Refuse deviations that are not three a group."""
+        if len(self.deviations) % 3 or len(self.deviations) > 3 * GROUP_COUNT:
+            raise UserError(
+                f'empirical_term: {len(self.deviations)} deviations; give three, one an axis, for '
+                f'each of up to {GROUP_COUNT} groups'
+            )
 
     def columns(
         self, conditions: Conditions, state: State | None = None
