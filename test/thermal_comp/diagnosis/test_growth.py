@@ -150,3 +150,18 @@ def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(growth, 'predictive_effects', lambda *_: spoiling)
     monkeypatch.setattr(growth, 'held_out_error_rises', lambda *_: True)
     assert grow(None, runs, FEW).steps == ()
+
+
+def test_a_law_of_temperature_and_its_rate_is_followed_by_products() -> None:
+    """Curves, lags and branches by themselves leave most of it."""
+    time, die = chamber(3, PERIOD)[:2]
+    law = 0.5 * (die - 20.0) * np.gradient(die, time) / 0.03
+    gains = WHITE['angular_velocity'] * np.array([1.0, -0.7, 0.9])
+    error = {'angular_velocity': np.multiply.outer(law, gains)}
+    runs = prepare([
+        run(up, seed=k, cycles=3, period=PERIOD, error=error) for k, up in enumerate(('+x', '+z'))
+    ])  # fmt: skip
+    (step,) = grow(None, runs, FEW).steps
+    assert step.added == 'empirical_term'
+    assert step.error_before > 5.0 * step.noise_floor
+    assert step.error_after < 1.3 * step.noise_floor

@@ -31,16 +31,16 @@ HALF_WIDTHS_K = (1.0, 2.0, 4.0, 8.0, 16.0)
 DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
 """Time constants of decays since power-on [s]."""
 BUMPS = tuple(np.linspace(-1.0, 1.0, 15).tolist())
-"""Middles of bumps over the range of x, for what no polynomial follows."""
+"""Middles of bumps over x [1], for what no polynomial follows."""
 BUMP_RADIUS = 0.3
-"""Distance from its middle at which a bump ends."""
-LEAST_BENT_LAG_S = 15.0
-"""Least lag of those in products: the noise of the thermometer counts twice there."""
-BENT_HALF_WIDTHS_K = (2.0, 8.0)
-"""Half-widths of plays that change the curve over temperature …"""
-BENT_DEGREES = (1, 2, 3, 4)
-"""… by polynomials of these degrees."""
-BENT_LAGS = tuple(k for k, lag in enumerate(LAGS_S) if lag >= LEAST_BENT_LAG_S)
+"""Distance r from its middle c at which a bump (1 − ((x − c)/r)²)² ends [1]."""
+LEAST_PRODUCT_LAG_S = 15.0
+"""Least lag of those in products [s]: the noise of the thermometer counts twice there."""
+PRODUCT_HALF_WIDTHS_K = (2.0, 8.0)
+"""Half-widths of the plays in products [K] …"""
+PRODUCT_DEGREES = (1, 2, 3, 4)
+"""… and degrees of the polynomials that they are multiplied by."""
+PRODUCT_LAGS = tuple(k for k, lag in enumerate(LAGS_S) if lag >= LEAST_PRODUCT_LAG_S)
 """Places of the lags in products."""
 
 
@@ -48,40 +48,49 @@ class Group(IntEnum):
     """Groups of columns, whose coefficients have one prior; the first four are the plain ones."""
 
     CURVES = 0
-    """Polynomials in temperature."""
+    """Legendre polynomials in temperature."""
     LAGS = 1
+    """First-order lags behind the temperature."""
     BRANCHES = 2
+    """Plays behind the temperature (hysteresis)."""
     DECAYS = 3
-    """Since power-on."""
+    """Exponentials since power-on."""
     BUMPS = 4
-    """Over temperature."""
+    """Functions of temperature that are zero but near their middle."""
     LAGS_BY_TEMPERATURE = 5
+    """Lags times temperature."""
     SQUARED_LAGS = 6
-    BENT_BRANCHES = 7
-    """Branches times a curve over temperature."""
+    """Squares of lags."""
+    BRANCH_CURVES = 7
+    """Plays times polynomials in temperature."""
 
 
-SIZES = {
+COLUMNS_BY_GROUP = {
     Group.CURVES: len(POLYNOMIAL_DEGREES),
     Group.LAGS: len(LAGS_S),
     Group.BRANCHES: len(HALF_WIDTHS_K),
     Group.DECAYS: len(DECAYS_S),
     Group.BUMPS: len(BUMPS),
-    Group.LAGS_BY_TEMPERATURE: len(BENT_LAGS),
-    Group.SQUARED_LAGS: len(BENT_LAGS),
-    Group.BENT_BRANCHES: len(BENT_HALF_WIDTHS_K) * len(BENT_DEGREES),
+    Group.LAGS_BY_TEMPERATURE: len(PRODUCT_LAGS),
+    Group.SQUARED_LAGS: len(PRODUCT_LAGS),
+    Group.BRANCH_CURVES: len(PRODUCT_HALF_WIDTHS_K) * len(PRODUCT_DEGREES),
 }
-COLUMN_GROUPS = np.repeat([*SIZES], [*SIZES.values()])
+"""Number of columns of each group."""
+COLUMN_GROUPS = np.repeat([*COLUMNS_BY_GROUP], [*COLUMNS_BY_GROUP.values()])
 """(p,) group of each column."""
-GROUP_COUNT = len(SIZES)
+GROUP_COUNT = len(COLUMNS_BY_GROUP)
 """Number of groups of columns."""
-PLAIN_GROUPS = 4
+PLAIN_GROUPS = int(Group.BUMPS)
 """Number of them that are no bumps and no products."""
 LARGEST_SQUARED = 3.0
 """Weighted lag over the half range beyond which its square goes on as a line."""
 LAG_GROUPS = frozenset({Group.LAGS, Group.LAGS_BY_TEMPERATURE, Group.SQUARED_LAGS})
-PLAY_GROUPS = frozenset({Group.BRANCHES, Group.BENT_BRANCHES})
+PLAY_GROUPS = frozenset({Group.BRANCHES, Group.BRANCH_CURVES})
 """Groups that have a history."""
+TEMPERATURE_GROUPS = frozenset(
+    {Group.CURVES, Group.BUMPS, Group.LAGS_BY_TEMPERATURE, Group.BRANCH_CURVES}
+)
+"""Groups that need the temperature itself."""
 
 
 def _lag_root(lags: FloatArray) -> FloatArray:
@@ -97,7 +106,7 @@ LAG_WEIGHTS: FloatArray = 1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)
 """Weights of the lags, whose differences are small where they are fast."""
 LAG_ROOT = _lag_root(np.array(LAGS_S))
 """Mixing by which independent coefficients give lags amplitudes that are alike …"""
-BENT_ROOT = _lag_root(np.array(LAGS_S)[list(BENT_LAGS)])
+PRODUCT_ROOT = _lag_root(np.array(LAGS_S)[list(PRODUCT_LAGS)])
 """… and those in products."""
 
 
@@ -118,9 +127,9 @@ class Empirical(Effect):
     name: ClassVar[str] = 'empirical_term'
     equation: ClassVar[str] = (
         'error = Σ a_k P_k(x) + Σ h_c Q(x − c) + Σ (b_τ + e_τ x + f_τ B_τ) B_τ + '
-        'Σ (c_r + Σ g_rk P_k(x)) C_r + Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, Q a bump, '
-        'B_τ = (T_τ − T)(1 + 600 s/τ)/h of T through a lag of τ, C_r = (P_r[T] − T)/h of a play '
-        'of half-width r'
+        'Σ (c_r + Σ g_rk P_k(x)) C_r + Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, '
+        'Q(u) = (1 − (u/0.3)²)² where |u| < 0.3, B_τ = (T_τ − T)(1 + 600 s/τ)/h of T through a '
+        'lag of τ, C_r = (P_r[T] − T)/h of a play of half-width r'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
     mechanism: ClassVar[str] = (
@@ -169,13 +178,13 @@ class Empirical(Effect):
             ]
             behind = np.stack([lagged - temperature for lagged, _ in lags], axis=1)
             behind *= LAG_WEIGHTS / self.half_range
-            slow = behind[:, BENT_LAGS]
+            slow = behind[:, PRODUCT_LAGS]
             parts |= {
                 Group.LAGS: behind @ LAG_ROOT,
-                Group.LAGS_BY_TEMPERATURE: slow * x[:, None] @ BENT_ROOT,
+                Group.LAGS_BY_TEMPERATURE: slow * x[:, None] @ PRODUCT_ROOT,
             }
             held = np.clip(slow, -LARGEST_SQUARED, LARGEST_SQUARED)
-            parts[Group.SQUARED_LAGS] = slow * held @ BENT_ROOT
+            parts[Group.SQUARED_LAGS] = slow * held @ PRODUCT_ROOT
             lag_states = tuple(after for _, after in lags)
         if used & PLAY_GROUPS:
             plays = [
@@ -183,10 +192,10 @@ class Empirical(Effect):
             ]
             branches = np.stack([branch - temperature for branch, _ in plays], axis=1)
             branches /= self.half_range
-            bent = [branches[:, HALF_WIDTHS_K.index(r), None] for r in BENT_HALF_WIDTHS_K]
+            bent = [branches[:, HALF_WIDTHS_K.index(r), None] for r in PRODUCT_HALF_WIDTHS_K]
             parts |= {
                 Group.BRANCHES: branches,
-                Group.BENT_BRANCHES: np.hstack([b * curve[:, BENT_DEGREES] for b in bent]),
+                Group.BRANCH_CURVES: np.hstack([b * curve[:, PRODUCT_DEGREES] for b in bent]),
             }
             play_states = tuple(after for _, after in plays)
         if Group.DECAYS in used:
@@ -213,9 +222,9 @@ class Empirical(Effect):
         t, used = c.temperature, self._groups_in_use
         middle, half_range = c.number(self.middle), c.number(self.half_range)
         x = ''
-        if used & {Group.CURVES, Group.BUMPS, Group.LAGS_BY_TEMPERATURE, Group.BENT_BRANCHES}:
+        if used & TEMPERATURE_GROUPS:
             x = c.let(c.clip(f'({t} - {middle}) / {half_range}', -1.0, 1.0))
-        curve = _c_polynomials(c, x) if used & {Group.CURVES, Group.BENT_BRANCHES} else []
+        curve = _c_polynomials(c, x) if used & {Group.CURVES, Group.BRANCH_CURVES} else []
         parts: dict[Group, tuple[list[str], FloatArray]] = {}
         if Group.CURVES in used:
             curves = [curve[degree] for degree in POLYNOMIAL_DEGREES]
@@ -223,20 +232,26 @@ class Empirical(Effect):
         if used & LAG_GROUPS:
             behind = [c.behind(t, lag) for lag in LAGS_S]
             scale = (LAG_WEIGHTS / self.half_range)[:, None]
-            slow, bent = [behind[k] for k in BENT_LAGS], scale[list(BENT_LAGS)]
+            slow, bent = [behind[k] for k in PRODUCT_LAGS], scale[list(PRODUCT_LAGS)]
             limits = (LARGEST_SQUARED / bent[:, 0]).tolist()
             held = [c.clip(lag, -top, top) for lag, top in zip(slow, limits, strict=True)]
             parts[Group.LAGS] = behind, scale * LAG_ROOT
-            parts[Group.LAGS_BY_TEMPERATURE] = [f'{lag} * {x}' for lag in slow], bent * BENT_ROOT
+            parts[Group.LAGS_BY_TEMPERATURE] = (
+                [f'{lag} * {x}' for lag in slow],
+                bent * PRODUCT_ROOT,
+            )
             squares = [f'{lag} * {limited}' for lag, limited in zip(slow, held, strict=True)]
-            parts[Group.SQUARED_LAGS] = squares, bent**2 * BENT_ROOT
+            parts[Group.SQUARED_LAGS] = squares, bent**2 * PRODUCT_ROOT
         if used & PLAY_GROUPS:
             branches = [f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K]
             parts[Group.BRANCHES] = branches, np.eye(len(branches)) / self.half_range
-            if Group.BENT_BRANCHES in used:
-                of = [branches[HALF_WIDTHS_K.index(width)] for width in BENT_HALF_WIDTHS_K]
-                products = [f'{branch} * {curve[k]}' for branch in of for k in BENT_DEGREES]
-                parts[Group.BENT_BRANCHES] = products, np.eye(len(products)) / self.half_range
+            if Group.BRANCH_CURVES in used:
+                of = [branches[HALF_WIDTHS_K.index(width)] for width in PRODUCT_HALF_WIDTHS_K]
+                products = [f'{branch} * {curve[k]}' for branch in of for k in PRODUCT_DEGREES]
+                parts[Group.BRANCH_CURVES] = (
+                    products,
+                    np.eye(len(products)) / self.half_range,
+                )
         if Group.DECAYS in used:
             since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
             decays = [c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S]

@@ -76,7 +76,7 @@ def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> 
     ]
     # Terms of one form stand beside each other in every hypothesis: their products come at once.
     for form in (form for family in made for form in family.forms if len(form.terms) > 1):
-        design.equations([column for term in form.terms for column in term.columns])
+        design.equations(form.columns)
     return made
 
 

@@ -183,5 +183,5 @@ class SensorHypotheses:
 def _visible(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:
     """Return the families with a column that is more than rounding beside the base model."""
     normal = design.products(())[0]
-    columns = [[c for form in f.forms for t in form.terms for c in t.columns] for f in some]
+    columns = [[c for form in family.forms for c in form.columns] for family in some]
     return [f for f, own in zip(some, columns, strict=True) if (normal[:, own, own] > 0.0).any()]
