@@ -191,12 +191,17 @@ def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidde
     return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
 
 
-def as_recorded(truth: Truth, recordings: Sequence[ImuRecording]) -> Truth:
+def as_recorded(
+    truth: Truth,
+    recordings: Sequence[ImuRecording],
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
+) -> Truth:
     """Return the truth about recordings: an effect whose cause none of them logged is unlogged.
 
-    The tracks are left out with another effect, too: a compressor with what it shakes.
+    The tracks are left out with another effect, too: a compressor with what it shakes. `own` are
+    effects beside those the simulator has.
     """
-    effect = HIDDEN_EFFECTS.get(truth.law)
+    effect = HIDDEN_EFFECTS.get(truth.law, own.get(truth.law))
     if truth.kind != 'effect' or effect is None or not effect.logged_as:
         return truth
     cause = effect.logged_as[0]

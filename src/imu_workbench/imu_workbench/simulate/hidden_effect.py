@@ -137,7 +137,7 @@ def record_hidden(
     recordings = record_campaign(runs, logging, startup_time=startup_time)
     for hidden in done:
         recordings = hidden.finish(recordings)
-    told = (as_recorded(hidden.truth, recordings) for hidden in done)
+    told = (as_recorded(hidden.truth, recordings, own) for hidden in done)
     truths = tuple(truth for truth in told if truth.kind != 'nothing')
     return SimulatedCampaign(recordings, truths or (NOTHING_HIDDEN,))
 
