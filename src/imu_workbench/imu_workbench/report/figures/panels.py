@@ -14,6 +14,8 @@ TOP_PX, BOTTOM_PX = 52, 50
 """Margins above (legend, title) and below (ticks, axis title) the panels [px]."""
 TOOLBAR_PX = 32
 """Height of plotly's toolbar in the upper right corner [px]."""
+BESIDE_TOOLBAR_PX = 620
+"""Width of a legend that has room beside the toolbar; a wider one stands below it [px]."""
 COLUMN_GAP = 0.075
 """Share of the width between two columns."""
 
@@ -63,9 +65,12 @@ def figure(
     wide = _Grid(len(panels), columns, height, 26 if stacked else 76)
     narrow = _Grid(len(panels), 1, height, 26 if stacked else 76)
     extra = _legend_height(data, 300)
-    spec = _look() | {
-        'height': wide.total,
-        'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP_PX, 'b': BOTTOM_PX},
+    below = TOOLBAR_PX if _legend_height(data, BESIDE_TOOLBAR_PX) else 0
+    look = _look()
+    spec = look | {
+        'height': wide.total + below,
+        'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP_PX + below, 'b': BOTTOM_PX},
+        'legend': look['legend'] | {'y': 1.0 - below / (wide.total + below)},
         'annotations': [*annotations, *_titles(panels, wide)],
         **layout,
     }
@@ -73,6 +78,7 @@ def figure(
         'height': narrow.total + extra,
         'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP_PX + extra, 'b': BOTTOM_PX},
         'font': {'size': 11},
+        'legend': {'y': 1},  # a phone shows no toolbar
         'annotations': [*annotations, *_titles(panels, narrow)],
     }
     for i, panel in enumerate(panels):
