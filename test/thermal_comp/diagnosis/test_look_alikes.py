@@ -2,6 +2,7 @@
 """Effects that look alike are told apart by what only one of them does."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,20 @@ def test_a_rate_is_no_short_lag_but_may_be_a_gradient_nobody_logged() -> None:
     (found,) = findings(in_gyroscope(2e-2 * np.gradient(die, time)), names)
     assert found.name == 'temperature_rate'
     assert found.ambiguous_with == ('thermal_gradient',)
+
+
+def test_a_gradient_inside_the_device_is_told_by_the_thermometer_on_it() -> None:
+    time, die, *_ = chamber()
+    warmth = -0.8 * np.expm1(-time / 400.0)  # self-heating, after a power-on at the start
+    board = die + 12.0 * np.gradient(die, time) - warmth
+    air = board + 150.0 * np.gradient(board, time)
+    recordings = [
+        replace(one, device_temperature=board, chamber_temperature=air)
+        for one in in_gyroscope(1e-3 * (board - die))
+    ]
+    (found,) = findings(recordings, (*HEAT, 'thermal_gradient', 'warm_up'))
+    assert found.name == 'thermal_gradient'
+    assert found.parameters['outside']['value'] == 1.0
 
 
 def test_two_lags_far_apart_are_two() -> None:

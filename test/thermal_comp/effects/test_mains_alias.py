@@ -18,9 +18,10 @@ from ..campaign import WHITE, chamber, run
 
 
 def test_a_machine_is_tried_only_where_it_was_logged() -> None:
+    none = replace(EXAMPLE_CAMPAIGN, channels=frozenset())
     logged = replace(EXAMPLE_CAMPAIGN, channels=frozenset({'heater', 'humidity'}))
     both = replace(EXAMPLE_CAMPAIGN, channels=frozenset({'heater', 'compressor'}))
-    assert {c.effect.machine for c in MainsAlias.search_grid(EXAMPLE_CAMPAIGN)} == {0.0}
+    assert {c.effect.machine for c in MainsAlias.search_grid(none)} == {0.0}
     assert {c.effect.machine for c in MainsAlias.search_grid(logged)} == {0.0, 1.0}
     assert {c.effect.machine for c in MainsAlias.search_grid(both)} == {0.0, 1.0, 2.0}
 

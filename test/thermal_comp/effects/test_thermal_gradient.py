@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a die that follows its surroundings, and heats itself, tells of a difference to them."""
+"""Differences to thermometers that were logged, and what a die tells of one that was not."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.thermal_gradient import SELF_HEATING_K, GuessedGradient
+from thermal_comp.effects.contract import EXAMPLE_CAMPAIGN
+from thermal_comp.effects.thermal_gradient import (
+    SELF_HEATING_K,
+    GuessedGradient,
+    ThermalGradient,
+)
 
 
 def outside(time: np.ndarray) -> np.ndarray:
@@ -38,3 +45,18 @@ def test_the_guess_is_no_effect_that_a_model_can_hold() -> None:
     assert GuessedGradient.name not in EFFECTS
     assert EFFECTS['thermal_gradient'].guess() is GuessedGradient
     assert GuessedGradient.guess() is None
+
+
+@pytest.mark.parametrize(
+    ('logged', 'tried'),
+    [
+        ({'chamber_temperature'}, [0.0]),
+        ({'device_temperature', 'humidity'}, [1.0]),
+        ({'chamber_temperature', 'chamber_temperature_2', 'device_temperature'}, [0.0, 1.0, 2.0]),
+        ({'humidity'}, []),
+    ],
+)
+def test_every_thermometer_that_was_logged_is_tried(logged: set[str], tried: list[float]) -> None:
+    campaign = replace(EXAMPLE_CAMPAIGN, channels=frozenset(logged))
+    assert [c.effect.outside for c in ThermalGradient.search_grid(campaign)] == tried
+    assert ThermalGradient.lacking(logged) == ([] if tried else ['chamber_temperature'])

@@ -19,6 +19,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
+from thermal_comp.effects.thermal_gradient import ThermalGradient
 from thermal_comp.export.c99 import c99_of
 from thermal_comp.export.single_precision import LARGEST_ROUNDING_SHARE, single_precision_shares
 from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
@@ -98,6 +99,13 @@ def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
     model = model_of([EFFECTS[name]()])
     off = off_by(tmp_path, model, [example_course(model)])
     assert len(off) == 2 * sum(bool(part.effects) for part in model.sensors.values())
+
+
+@pytest.mark.usefixtures('compiler')
+def test_a_gradient_in_c_asks_for_the_thermometer_it_was_fitted_with(tmp_path: Path) -> None:
+    model = model_of([ThermalGradient(outside=1.0)])
+    assert [*write_c(tmp_path, model)] == ['device_temperature']
+    off_by(tmp_path, model, [example_course(model)])
 
 
 @pytest.mark.usefixtures('compiler')

@@ -190,7 +190,7 @@ def _applicable_effects(
     for sensor in sensors:
         present = []
         for effect in model.sensors[sensor].effects:
-            missing = [c for c in effect.channels if not all(r.conditions.has(c) for r in runs)]
+            missing = [c for c in effect.needs if not all(r.conditions.has(c) for r in runs)]
             if missing:
                 notes.append(f'{sensor}: {effect.name} not applied, {missing[0]} is not logged')
             else:

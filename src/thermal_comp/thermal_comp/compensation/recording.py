@@ -122,7 +122,7 @@ def sensor_error(
     skipped: dict[str, NDArray[np.bool_]] = {}
     for k, effect in enumerate(plan.effects):
         # A held channel is unknown only before its first sample; history starts there.
-        unknown = _unknown_rows(effect, conditions) if effect.channels else None
+        unknown = _unknown_rows(effect, conditions) if effect.needs else None
         first = 0 if unknown is None else int(np.argmin(unknown))
         if unknown is None or not unknown[first]:
             part = conditions.rows(slice(first, None)) if first else conditions
@@ -154,7 +154,7 @@ def has_history(model: SensorModel, conditions: Conditions) -> bool:
     return any(
         effect.columns(conditions)[1] is not None
         for _, effect, _ in model.device_terms()
-        if all(conditions.has(channel) for channel in effect.channels)
+        if all(conditions.has(channel) for channel in effect.needs)
     )
 
 
@@ -164,14 +164,14 @@ def depends_on_time(model: SensorModel, conditions: Conditions) -> bool:
     return any(
         not np.array_equal(effect.columns(conditions)[0], effect.columns(later)[0])
         for _, effect, _ in model.device_terms()
-        if all(conditions.has(channel) for channel in effect.channels)
+        if all(conditions.has(channel) for channel in effect.needs)
     )
 
 
 def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
     """Return the rows (n,) in which a channel of the effect is not known."""
     unknown = np.zeros(len(conditions), dtype=bool)
-    for channel in effect.channels:
+    for channel in effect.needs:
         values: Any = getattr(conditions, channel)
         if values is None:
             return np.ones(len(conditions), dtype=bool)
@@ -275,7 +275,7 @@ def _applied_notes(
     """Return which effects could not be applied, and how many rows were extrapolated."""
     notes = []
     for sensor, part in found.items():
-        channels = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
+        channels = {e.name: ', '.join(e.needs) for e in model.sensors[sensor].effects}
         notes += [
             f'{sensor}: {effect} not applied in {rows} rows, {channels[effect]} is not known'
             for effect, rows in part.skipped.items()
@@ -350,7 +350,7 @@ def _sensor(plan: SensorPlan, conditions: Conditions) -> _RowErrors:
 
 def _needs_vibration(model: ThermalModel) -> bool:
     return any(
-        'vibration' in effect.channels
+        'vibration' in effect.needs
         for sensor in model.sensors.values()
         for _, effect, _ in sensor.device_terms()
     )

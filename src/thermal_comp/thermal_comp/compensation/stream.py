@@ -132,7 +132,7 @@ class Compensator:
             channel
             for sensor in self.model.sensors.values()
             for _, effect, _ in sensor.device_terms()
-            for channel in effect.channels
+            for channel in effect.needs
         }
 
     def report(self) -> tuple[int, str, dict[str, Any]]:
@@ -279,8 +279,8 @@ class Compensator:
     def _note(self, plan: SensorPlan, found: SensorError) -> None:
         for effect in plan.effects:
             if effect.name in found.skipped:
-                self.condition.not_applied[effect.name] = ', '.join(effect.channels)
-            elif effect.channels:
+                self.condition.not_applied[effect.name] = ', '.join(effect.needs)
+            elif effect.needs:
                 self.condition.not_applied.pop(effect.name, None)
 
     def _noise(self, sensor: Sensor) -> FloatArray:

@@ -69,6 +69,7 @@ class Conditions:
     hard_iron: FloatArray | None = None
     """(3,) constant offset in `magnetic_field` [T]; None where no orientations tell it."""
     chamber_temperature: FloatArray | None = None
+    chamber_temperature_2: FloatArray | None = None
     device_temperature: FloatArray | None = None
     humidity: FloatArray | None = None
     pressure: FloatArray | None = None
@@ -125,6 +126,12 @@ CHANNELS = tuple(
     name for name in OPTIONAL_FIELDS if name in {item.name for item in fields(Conditions)}
 )
 """Tracks of a recording, beyond the die temperature, that an effect can ask for."""
+
+
+def logged_channels(runs: Sequence[Conditions]) -> frozenset[str]:
+    """Return the channels that are known in every run, and 'orientation' where that is."""
+    known = (*CHANNELS, 'orientation')
+    return frozenset(c for c in known if all(run.has(c) for run in runs))
 
 
 def field_conditions(

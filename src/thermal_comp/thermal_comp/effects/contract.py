@@ -50,6 +50,7 @@ EXAMPLE_CAMPAIGN = Campaign(
     times_before=(0.0, 60_000.0, 120_000.0),
     spectral_lines=lambda: [(0.0123, 0.0), (0.0123, 2e-5)],
     step_times=lambda: [(1, 20_000.0, 0.0)],
+    channels=frozenset(CHANNELS),
 )
 """An example of the runs that a search chooses forms for."""
 
@@ -115,6 +116,7 @@ def example_conditions(seed: int = 0, sensor: Sensor = 'accelerometer') -> Condi
         sensor=sensor,
         orientation=np.eye(3)[[1, 2, 0]],
         chamber_temperature=20.0 + 32.0 * swing,
+        chamber_temperature_2=20.0 + 33.0 * swing,
         device_temperature=20.0 + 31.0 * swing,
         humidity=0.5 + 0.2 * swing,
         pressure=101_325.0 + rng.normal(0.0, 100.0, EXAMPLE_ROWS),
@@ -152,9 +154,10 @@ def _problems_of_the_description(effect: type[Effect]) -> list[str]:
     if symbols not in (0, units):
         problems.append(f'{units} coefficient_units, but {symbols} coefficient_symbols')
     known = {*CHANNELS, 'orientation'}
-    problems += [
-        f'channel {c!r} is none of {sorted(known)}' for c in effect.channels if c not in known
-    ]
+    named = (*effect.channels, *effect.substitutes)
+    problems += [f'channel {c!r} is none of {sorted(known)}' for c in named if c not in known]
+    if effect.substitutes and len(effect.channels) != 1:
+        problems.append('has substitutes, but not one channel that they stand in place of')
     problems += [f'sensor {s!r} is none of {SENSORS}' for s in effect.sensors if s not in SENSORS]
     for item in fields(effect):
         unit, bounds = item.metadata.get('unit'), item.metadata.get('bounds')
@@ -313,7 +316,7 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
 
 def _problems_of_the_c_form(effect: Effect, sensor: Sensor, columns: FloatArray) -> list[str]:
     """Where there is a C form, it has as many columns, per axis or shared, as the effect."""
-    form = CForm(sensor, Signals(), effect.name, effect.channels, held=effect.bends)
+    form = CForm(sensor, Signals(), effect.name, effect.needs, held=effect.bends)
     try:
         made = effect.c_columns(form)
     except CFormError as error:
@@ -384,7 +387,7 @@ def _problems_of_hindsight(effect: Effect, conditions: Conditions) -> list[str]:
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:
     """Columns must not depend on channels the effect does not declare."""
-    used = {*effect.channels, *effect.optional_channels}
+    used = {*effect.needs, *effect.optional_channels}
     absent: dict[str, Any] = dict.fromkeys({*CHANNELS, 'orientation'} - used)
     whole, _ = effect.columns(conditions, None)
     try:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, partial
 from itertools import product
@@ -108,6 +108,8 @@ class Effect:
     """True where every run has coefficients of its own."""
     channels: ClassVar[tuple[str, ...]] = ()
     """Channels of Conditions it needs beyond time, die temperature and the true inputs."""
+    substitutes: ClassVar[tuple[str, ...]] = ()
+    """Channels of which any may stand in place of the one it needs; a form `needs` one of them."""
     optional_channels: ClassVar[tuple[str, ...]] = ()
     """Channels it makes use of where they were logged."""
     equation: ClassVar[str] = ''
@@ -183,6 +185,18 @@ class Effect:
         An effect that smooths or delays only to be causal overrides it.
         """
         return self.columns(conditions)[0]
+
+    @classmethod
+    def lacking(cls, logged: Collection[str]) -> list[str]:
+        """Return the channels it needs that are not among those logged, nor a substitute."""
+        if not set(logged).isdisjoint(cls.substitutes):
+            return []
+        return [channel for channel in cls.channels if channel not in logged]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Channels that this form needs."""
+        return self.channels
 
     @property
     def occurrences(self) -> tuple[float, ...]:

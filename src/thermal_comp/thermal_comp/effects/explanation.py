@@ -43,6 +43,7 @@ def explanation(effect: type[Effect]) -> dict[str, Any]:
             for item in fields(effect)
         },
         'channels': list(effect.channels),
+        'substitutes': list(effect.substitutes),
         'mechanism': effect.mechanism,
         'look_alikes': list(effect.look_alikes),
         'separation': effect.separation,
@@ -59,7 +60,7 @@ def explanation_text(effect: type[Effect]) -> str:
         ('coefficients', ', '.join(dict.fromkeys(effect.coefficient_units))),
         ('parameters', '; '.join(_parameter_lines(told)) or 'none'),
         ('acts on', f'{", ".join(told["sensors"])} ({told["kind"]} effect)'),
-        ('needs', ', '.join(told['channels']) or 'nothing beyond temperature and time'),
+        ('needs', needed_channels(told) or 'nothing beyond temperature and time'),
         ('mechanism', told['mechanism']),
         ('looks like', ', '.join(told['look_alikes'])),
         ('to tell', told['separation']),
@@ -68,6 +69,12 @@ def explanation_text(effect: type[Effect]) -> str:
     ]
     head = f'{told["name"]}: {told["summary"]}'
     return '\n'.join([head, *(f'  {label:<13}{text}' for label, text in rows if text)])
+
+
+def needed_channels(told: Mapping[str, Any]) -> str:
+    """Return the channels of an `explanation`, or those of which one is needed; '' for none."""
+    between = ' or ' if told['substitutes'] else ', '
+    return between.join([*told['channels'], *told['substitutes']])
 
 
 def explain_all(catalogue: Mapping[str, type[Effect]]) -> str:
@@ -93,7 +100,7 @@ def _section(effect: type[Effect]) -> str:
     ]
     lines += [f'- Parameter: {line}.' for line in _parameter_lines(told)]
     if told['channels']:
-        lines.append(f'- Needs: {", ".join(told["channels"])}.')
+        lines.append(f'- Needs: {needed_channels(told)}.')
     lines += [
         f'- Mechanism: {told["mechanism"]}',
         f'- Looks like: {", ".join(f"`{name}`" for name in told["look_alikes"])}.',

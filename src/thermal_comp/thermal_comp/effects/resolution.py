@@ -83,6 +83,7 @@ def example_cycle(sensor: Sensor) -> Conditions:
     channels: dict[str, Any] = dict.fromkeys(CHANNELS, switch)
     channels |= {
         'chamber_temperature': np.roll(temperature, -10),
+        'chamber_temperature_2': np.roll(temperature, -10),
         'device_temperature': np.roll(temperature, -5),
         'setpoint': temperature,
         'humidity': 0.5 + 0.3 * (temperature > 20.0),

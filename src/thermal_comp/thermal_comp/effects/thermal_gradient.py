@@ -20,9 +20,16 @@ from thermal_comp.effects.temperature_rate import TemperatureRate
 class ThermalGradient(Effect):
     """The error is proportional to the difference between a second thermometer and the die."""
 
+    outside: float = shape_parameter(0.0, unit='1', bounds=(0.0, 2.0), given=True)
+    """Second thermometer: 0 in the chamber's air, 1 on the device, 2 another in the air."""
+
     name: ClassVar[str] = 'thermal_gradient'
     channels: ClassVar[tuple[str, ...]] = ('chamber_temperature',)
-    equation: ClassVar[str] = 'error = a · (T_outside − T), outside = second thermometer'
+    substitutes: ClassVar[tuple[str, ...]] = ('device_temperature', 'chamber_temperature_2')
+    equation: ClassVar[str] = (
+        'error = a · (T_outside − T),  outside: 0 in the chamber’s air, 1 on the device, '
+        '2 another in the air'
+    )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
     mechanism: ClassVar[str] = (
         'A temperature difference between surroundings and die bends the package.'
@@ -43,10 +50,20 @@ class ThermalGradient(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 1): T_outside − T [K], of the thermometer on the device or of the air."""
-        outside = conditions.chamber_temperature
-        assert outside is not None  # noqa: S101 (declared in channels)
+        """Return (n, 1): T_outside − T [K]."""
+        outside = getattr(conditions, self.needs[0])
         return (outside - conditions.temperature)[:, None], None
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The channel of the second thermometer."""
+        return ((*self.channels, *self.substitutes)[round(self.outside)],)
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return the differences to all thermometers that were logged."""
+        forms = [cls(float(number)) for number in range(1 + len(cls.substitutes))]
+        return [Candidate(form) for form in forms if campaign.channels.issuperset(form.needs)]
 
     @classmethod
     def guess(cls) -> type[Effect] | None:
@@ -55,7 +72,7 @@ class ThermalGradient(Effect):
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return T_outside − T."""
-        return CColumns([f'({c.channel("chamber_temperature")} - {c.temperature})'])
+        return CColumns([f'({c.channel(self.needs[0])} - {c.temperature})'])
 
 
 SELF_HEATING_K = 0.6
@@ -63,7 +80,7 @@ SELF_HEATING_K = 0.6
 
 
 @dataclass(frozen=True)
-class GuessedGradient(ThermalGradient):
+class GuessedGradient(Effect):
     """The error follows a difference to surroundings whose temperature was not logged.
 
     A die that follows them with a time constant θ, and heats itself by ΔT (1 − exp(−t/τ)) after
@@ -74,9 +91,10 @@ class GuessedGradient(ThermalGradient):
     heating_time: float = shape_parameter(150.0, unit='s', bounds=(40.0, 600.0))
 
     name: ClassVar[str] = 'guessed_gradient'
-    channels: ClassVar[tuple[str, ...]] = ()
+    equation: ClassVar[str] = 'error = a · (dT/dt + ΔT (1/θ − 1/τ) exp(−t/τ)),  ΔT = 0.6 K'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}·s/K',)
+    kin: ClassVar[Kin] = 'temperature'
     guessed_channel: ClassVar[str] = 'chamber_temperature'
-    twin: ClassVar[str] = ''
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -100,8 +118,3 @@ class GuessedGradient(ThermalGradient):
         """Return settling times of a board to those of a housing."""
         settling, heating = np.geomspace(8.0, 2000.0, 9), (60.0, 150.0, 400.0)
         return [Candidate(cls(float(s), h)) for s, h in product(settling, heating)]
-
-    @classmethod
-    def guess(cls) -> type[Effect] | None:
-        """Return nothing: it is the guess."""
-        return None

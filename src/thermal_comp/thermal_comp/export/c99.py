@@ -192,7 +192,7 @@ def _refuse_what_cannot_be_written(model: ThermalModel) -> None:
 
 def _form(effect: Effect, sensor: Sensor, signals: Signals) -> CForm:
     """Return the names and operators for one effect."""
-    return CForm(sensor, signals, effect.name, effect.channels, held=effect.bends)
+    return CForm(sensor, signals, effect.name, effect.needs, held=effect.bends)
 
 
 def _sensor_function(model: ThermalModel, sensor: Sensor, signals: Signals) -> str:
@@ -238,14 +238,14 @@ def _block(
     form = _form(effect, sensor, signals)
     made = effect.c_columns(form)
     assert made is not None  # noqa: S101 (refused before)
-    for channel in effect.channels:  # one that the effect only waits for
+    for channel in effect.needs:  # one that the effect only waits for
         signals.channels.setdefault(channel, 1)
     mixed = coefficients if made.mixing is None else made.mixing @ coefficients
     lines = [*form.locals, *_sums(made, mixed)]
     if effect.bends:
         lines += _straight_on(part, sensor, effect, coefficients, reference_temperature)
     text = '{\n' + ''.join(f'    {line}\n' for line in lines) + '  }'
-    if known := _known(effect.channels, signals):
+    if known := _known(effect.needs, signals):
         text = f'if ({known}) {text} else {{\n    said |= IMU_THERMAL_NO_CHANNEL;\n  }}'
     return f'  /* {effect.name}: {_comment(effect.equation)} */\n  {text}\n'
 

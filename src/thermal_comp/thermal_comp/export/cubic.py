@@ -144,7 +144,7 @@ def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
         curve = _cubic_of(settled.temperature[second], whole)
         acting = _error(effect, coefficients, from_start)
         costs[effect.name] = float(np.abs(acting - curve.error(from_start.temperature)).max())
-    not_followed = [e for _, e, _ in part.device_terms() if e.channels]
+    not_followed = [e for _, e, _ in part.device_terms() if e.needs]
     for effect in not_followed:
         costs[effect.name] = float(np.max(part.contributions.get(effect.name, np.zeros(3))))
     least = LEAST_COST_SHARE * max([float(np.abs(error).max()), *costs.values()])
@@ -154,7 +154,7 @@ def loss(model: ThermalModel, sensor: Sensor, cubic: Cubic) -> Loss:
 
 def _followed(part: SensorModel) -> list[tuple[Effect, FloatArray]]:
     """Return the device effects without channels, and their coefficients."""
-    return [(e, c) for _, e, c in part.device_terms() if not e.channels]
+    return [(e, c) for _, e, c in part.device_terms() if not e.needs]
 
 
 def _error(effect: Effect, coefficients: FloatArray, course: Conditions) -> FloatArray:

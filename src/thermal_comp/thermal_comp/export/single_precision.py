@@ -48,7 +48,7 @@ def _error_and_size(part: SensorModel, conditions: Conditions) -> tuple[FloatArr
     plan = plan_of(part)
     size = np.zeros((len(conditions), 3))
     for effect, coefficients in zip(plan.effects, plan.coefficients, strict=True):
-        if all(conditions.has(channel) for channel in effect.channels):
+        if all(conditions.has(channel) for channel in effect.needs):
             columns = columns_from(effect, conditions, (plan.low, plan.high))[0]
             size += _size(effect, conditions.sensor, np.nan_to_num(columns), coefficients)
     return sensor_error(plan, conditions, uncertain=False).error, size
@@ -58,9 +58,7 @@ def _size(
     effect: Effect, sensor: Sensor, columns: FloatArray, coefficients: FloatArray
 ) -> FloatArray:
     """Return the (n, 3) sum of the sizes of an effect's terms [unit]."""
-    made = effect.c_columns(
-        CForm(sensor, Signals(), effect.name, effect.channels, held=effect.bends)
-    )
+    made = effect.c_columns(CForm(sensor, Signals(), effect.name, effect.needs, held=effect.bends))
     mixing = None if made is None else made.mixing
     if mixing is not None:
         columns, coefficients = columns @ np.linalg.pinv(mixing), mixing @ coefficients

@@ -102,7 +102,7 @@ def effects_by_sensor(
             if names.count(effect.name) > 1:
                 raise ModelError(f'{effect.name} is listed twice for the {sensor}')
             for run in runs:
-                missing = [c for c in effect.channels if not run.conditions.has(c)]
+                missing = [c for c in effect.needs if not run.conditions.has(c)]
                 if missing:
                     raise ModelError(
                         f'{effect.name} needs {missing[0]}, which run {run.name} has not '

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import Sensor, logged_channels
 from thermal_comp.data.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
@@ -145,12 +145,14 @@ def usable_forms(
     catalogue: Mapping[str, type[Effect]],
 ) -> Forms:
     """Return the forms of the device effects of temperature and its history that can be tried."""
+    logged = logged_channels([run.conditions for run in runs])
     campaign = Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
         times_before=tuple(run.conditions.time_before for run in runs),
         spectral_lines=list,
         step_times=list,
+        channels=logged,
     )
     there = {effect.name for effect in known}
     forms = {
@@ -161,7 +163,7 @@ def usable_forms(
         and sensor in effect.sensors
         and name not in there
         and not (effect.per_run or effect.coupled or effect.time_only)
-        and all(run.conditions.has(c) for c in effect.channels for run in runs)
+        and not effect.lacking(logged)
     }
     return {name: some for name, some in forms.items() if some}
 

@@ -278,7 +278,7 @@ class CandidateDesign:
         whole = stack_runs(parts, per_run=effect.per_run)
         if whole.ndim == 3 and not np.array_equal(self.axes, np.eye(3)):
             alone, shared = per_axis(whole)
-            if effect.channels and not shared:
+            if effect.needs and not shared:
                 # A channel's own noise weakens its coefficient by as much along no other axes.
                 return alone.reshape(len(whole), -1)
             return np.asarray(np.einsum('nap,ab->nbp', whole, self.axes))

@@ -34,6 +34,7 @@ def typical_conditions(
     channels: dict[str, Any] = dict.fromkeys(CHANNELS, switch)
     channels |= {
         'chamber_temperature': temperature + 2.0,
+        'chamber_temperature_2': temperature + 2.0,
         'device_temperature': temperature + 1.0,
         'setpoint': temperature,
         'supply_voltage': 3.3 + 0.1 * switch,

@@ -133,7 +133,7 @@ class SensorModel:
         history = list(states or (None,) * len(self.effects))
         error = np.zeros((len(conditions), 3))
         for i, effect, coefficients in self.device_terms():
-            if all(conditions.has(channel) for channel in effect.channels):
+            if all(conditions.has(channel) for channel in effect.needs):
                 columns, history[i] = effect.columns(conditions, history[i])
                 error += columns @ coefficients
         return error, tuple(history)

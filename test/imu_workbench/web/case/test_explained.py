@@ -18,6 +18,7 @@ EFFECT: dict[str, Any] = {
     'typical_size': '1 °/s',
     'sensors': ['gyroscope'],
     'channels': [],
+    'substitutes': [],
     'reference': 'IEEE',
 }
 PROPOSAL: dict[str, Any] = {

@@ -65,3 +65,12 @@ def test_a_die_that_moves_while_its_thermometer_stands_is_no_effect() -> None:
     campaign = [replace(plain, temperature=noisy, chamber_temperature=air)]
     diagnosis = diagnose(measured_by(campaign, 'accelerometer'))
     assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
+
+
+def test_what_a_better_thermometer_beside_it_tells_is_no_gradient() -> None:
+    plain = run()
+    die = plain.temperature
+    read = stuck(die, 0.4) + np.random.default_rng(1).normal(0.0, 0.02, len(die))
+    campaign = [replace(plain, temperature=read, device_temperature=die)]
+    diagnosis = diagnose(measured_by(campaign, 'accelerometer'))
+    assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []

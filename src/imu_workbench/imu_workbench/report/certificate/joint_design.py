@@ -238,7 +238,7 @@ def coefficient_columns(
     """
     block = np.zeros((len(run), 3, *values.shape))
     flat = block.reshape(len(run), 3, -1)
-    if not all(run.conditions.has(channel) for channel in effect.channels):
+    if not all(run.conditions.has(channel) for channel in effect.needs):
         return flat
     if effect.per_run and (place is None or place >= len(values)):
         return flat

@@ -86,7 +86,7 @@ def _put(found: Input | Uncounted | None, inputs: list[Input], missing: list[Unc
 
 def scales_with(evidence: Evidence, effect: Effect, channel: str) -> bool:
     """Tell whether the columns of an effect are proportional to a true input."""
-    if not all(run.conditions.has(c) for run in evidence.runs for c in effect.channels):
+    if not all(run.conditions.has(c) for run in evidence.runs for c in effect.needs):
         return False
     run = evidence.runs[0]
     twice = replace(

@@ -47,7 +47,7 @@ def own_terms(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) -
         for i, effect, coefficients in model.device_terms()
         if coefficients.ndim == 2
         and not (effect.per_run or effect.coupled or effect.time_only)
-        and all(run.conditions.has(c) for run in runs for c in effect.channels)
+        and all(run.conditions.has(c) for run in runs for c in effect.needs)
         and runs[0].columns(effect, sensor).ndim == 2
     ]
 

@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from nicegui import ui
+from thermal_comp.effects.explanation import needed_channels
 from thermal_comp.experiment.design import SEPARATING_EVIDENCE
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown
 
@@ -69,7 +70,7 @@ def explanation_html(told: Mapping[str, Any]) -> str:
         ('to tell it apart', told['separation']),
         ('typical size', told['typical_size']),
         ('acts on', ', '.join(told['sensors'])),
-        ('needs', ', '.join(told['channels']) or 'nothing beyond temperature and time'),
+        ('needs', needed_channels(told) or 'nothing beyond temperature and time'),
         ('reference', told['reference']),
     ]
     return (

@@ -13,7 +13,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.acting_channels import channel_label
-from thermal_comp.data.conditions import CHANNELS, Sensor
+from thermal_comp.data.conditions import Sensor, logged_channels
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.effects.operators import rise
@@ -82,12 +82,13 @@ def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> 
 
 def guesses(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
     """Return the families of effects whose channel is guessed because no run logged it."""
-    made = [effect.guess() for effect in catalogue.values() if effect.searched]
     runs = design.source.runs
+    searched = [effect for effect in catalogue.values() if effect.searched]
     lacking = [
         guess
-        for guess in made
-        if guess and not any(run.conditions.has(guess.guessed_channel) for run in runs)
+        for effect in searched
+        if (guess := effect.guess())
+        and all(effect.lacking(logged_channels([run.conditions])) for run in runs)
     ]
     return families(design, {guess.name: guess for guess in lacking})
 
@@ -126,7 +127,7 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
         times_before=tuple(run.conditions.time_before for run in runs),
         spectral_lines=partial(design.source.spectral_lines, design.sensor),
         step_times=partial(step_times, design, known),
-        channels=frozenset(c for c in CHANNELS if all(run.conditions.has(c) for run in runs)),
+        channels=logged_channels([run.conditions for run in runs]),
     )
 
 
@@ -234,7 +235,7 @@ def usable(effect: type[Effect], sensor: Sensor, runs: Sequence[PreparedRun]) ->
 
 def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[str]:
     """Return the channels the effect needs that some run lacks."""
-    return [c for c in effect.channels if not all(run.conditions.has(c) for run in runs)]
+    return effect.lacking(logged_channels([run.conditions for run in runs]))
 
 
 def channels_not_logged(

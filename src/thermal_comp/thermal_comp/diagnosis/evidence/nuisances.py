@@ -76,9 +76,9 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
     """Return the columns of the die thermometer's errors; axes share their coefficients.
 
     They are its lag (first and second order), slow nodes, hysteresis of the reading and of a die
-    in the air, share of the air's temperature, transients after power-on, with the priors of
-    priors.thermometer_deviations(). `response` says what an error does; None: the slope over
-    temperature times the error.
+    in the air, shares of the temperatures of air and board, transients after power-on, with the
+    priors of priors.thermometer_deviations(). `response` says what an error does; None: the slope
+    over temperature times the error.
     """
     response = response or TemperatureSlope.of(design).response
     columns = partial(_responses, response)
@@ -93,7 +93,7 @@ def _possible_errors(run: PreparedRun) -> FloatArray:
     """(n, q) errors of the thermometer in a run, one of each kind."""
     since = run.conditions.time - run.conditions.time[0]
     decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-    parts = [_history(run), _hysteresis_and_air(run.conditions), np.stack(decays, axis=1)]
+    parts = [_history(run), _hysteresis_and_places(run.conditions), np.stack(decays, axis=1)]
     return np.concatenate(parts, axis=1)
 
 
@@ -108,21 +108,24 @@ def _history(run: PreparedRun) -> FloatArray:
     return np.stack([rate, np.gradient(rate, time), *parts], axis=1)
 
 
-def _hysteresis_and_air(conditions: Conditions) -> FloatArray:
-    """(n, 3) hysteresis about the reading and about a die that follows the air; air − reading [K].
+def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
+    """(n, 4) hysteresis about the reading, about a die in the air; air, board − reading [K].
 
     The second counts in dwells: the die follows the swings of the air's control, which are
     smaller than the hysteresis of the thermometer. Without the air's temperature it is zero, and
-    the third is by the humidity, or zero as well.
+    the third is by the humidity, or zero as well; so is the fourth without the board's.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
     behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
-    if air is None:
-        nothing = np.zeros_like(temperature)
-        return np.stack([behind, nothing, _air_by_humidity(conditions) - temperature], axis=1)
-    die = _die_in(air, conditions)
-    unseen = play(die, priors.THERMOMETER_HYSTERESIS_K)[0] - die
-    return np.stack([behind, unseen, air - temperature], axis=1)
+    unseen = np.zeros_like(temperature)
+    if air is not None:
+        die = _die_in(air, conditions)
+        unseen = play(die, priors.THERMOMETER_HYSTERESIS_K)[0] - die
+    else:
+        air = _air_by_humidity(conditions)
+    board = conditions.device_temperature
+    board = temperature if board is None else board
+    return np.stack([behind, unseen, air - temperature, board - temperature], axis=1)
 
 
 def _air_by_humidity(conditions: Conditions) -> FloatArray:

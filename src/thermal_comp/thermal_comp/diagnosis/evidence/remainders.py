@@ -204,7 +204,7 @@ def as_unlogged(some: EffectSet, rest: list[Remainder]) -> list[Remainder]:
 def own_variables(some: EffectSet) -> set[str]:
     """Return what the effects of a set follow: channels, and 'frequency' for a spectral line."""
     effects = [one.form.effect for one in some.components]
-    channels = {channel_label(c) for effect in effects for c in effect.channels}
+    channels = {channel_label(c) for effect in effects for c in effect.needs}
     lines = [effect for effect in effects if effect.line_frequency is not None]
     return channels | ({'frequency'} if lines else set())
 

@@ -105,7 +105,7 @@ def _grouped(model: ThermalModel, runs: Sequence[PreparedRun]) -> list[dict[Sens
         s: tuple(
             e
             for e in model.sensors[s].effects
-            if all(r.conditions.has(c) for r in runs for c in e.channels)
+            if all(r.conditions.has(c) for r in runs for c in e.needs)
         )
         for s in SENSORS
         if s in model.sensors and all(np.isfinite(run.measured[s]).any() for run in runs)
