@@ -54,7 +54,7 @@ def knocked(size: float) -> list[PreparedRun]:
 
 def test_what_a_knock_makes_of_bursts_is_no_noise() -> None:
     base = {'gyroscope': (BiasTemperature(),)}
-    for size, names in ((0.0, ()), (25.0, ('bias_step',))):
+    for size, names in ((0.0, ()), (4.0, ('bias_step',)), (25.0, ('bias_step',))):
         runs = knocked(size)
         noise = determined_noise(runs, base)[0]
         answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']

@@ -23,13 +23,15 @@ from thermal_comp.noise.estimation import (
 )
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
-from thermal_comp.noise.saturated_model import saturated_basis
+from thermal_comp.noise.saturated_model import follows_any_effect, saturated_basis
 from thermal_comp.noise.vibration import SHAKEN_NOISE_RATIO, noise_of_vibration, note_of_vibration
 
 CORRELATED_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which the noise of the axes is correlated."""
 LOUD_NOISE_RATIO = 5.0
 """Fitted noise of means, over the usual one, from which it may be an effect fitted as noise."""
+LOUD_NOISE_RATIO_OF_FEW = 1.5
+"""The same where some run has too few blocks for a saturated model to follow every effect."""
 OTHER_WHITE_RATIO = 2.0
 """Ratio of fitted white noise to that of second differences, from which the latter counts."""
 LEAST_BENDS = 10
@@ -162,7 +164,8 @@ def usual_noise(
     slow = np.tile(TYPICAL_SLOW_SHARE * white, (len(fitted.time_constants), 1))
     usual = replace(fitted, white=white, amplitudes=slow)
     period = runs[0].period
-    loud = fitted.variance_of_means(period) > LOUD_NOISE_RATIO**2 * usual.variance_of_means(period)
+    ratio = LOUD_NOISE_RATIO if all(map(follows_any_effect, runs)) else LOUD_NOISE_RATIO_OF_FEW
+    loud = fitted.variance_of_means(period) > ratio**2 * usual.variance_of_means(period)
     return usual if loud.any() else None
 
 

@@ -39,10 +39,22 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     effective blocks, to which so many columns would leave little, has powers of temperature and
     time, and a lag.
     """
-    columns = [*_repeatable(run), *_slow(run)]
-    if sum(part.shape[1] for part in columns) > LARGEST_COLUMN_SHARE * _effective_blocks(run):
-        columns = _columns_of_few_blocks(run)
-    return joined_basis(columns)
+    columns = _columns_of_all_effects(run)
+    return joined_basis(_columns_of_few_blocks(run) if _too_many(columns, run) else columns)
+
+
+def follows_any_effect(run: PreparedRun) -> bool:
+    """Tell whether a run has blocks enough for columns that follow every effect."""
+    return not _too_many(_columns_of_all_effects(run), run)
+
+
+def _columns_of_all_effects(run: PreparedRun) -> list[FloatArray]:
+    return [*_repeatable(run), *_slow(run)]
+
+
+def _too_many(columns: Sequence[FloatArray], run: PreparedRun) -> bool:
+    count = sum(part.shape[1] for part in columns)
+    return bool(count > LARGEST_COLUMN_SHARE * _effective_blocks(run))
 
 
 def repeatable_basis(run: PreparedRun) -> FloatArray:
