@@ -13,7 +13,7 @@ from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.estimation import fit_noise
-from thermal_comp.noise.of_runs import determined_noise, usual_noise
+from thermal_comp.noise.of_runs import determined_noise, log_prior_of_loudness, usual_noise
 
 from ..campaign import PERIOD, WHITE, chamber, run
 
@@ -73,3 +73,16 @@ def test_noise_that_is_louder_than_usual_has_an_alternative() -> None:
     assert usual.white == pytest.approx(WHITE['angular_velocity'], rel=0.3)
     assert usual.amplitudes == pytest.approx(np.tile(0.2 * usual.white, (7, 1)))
     assert usual_noise(runs, 'gyroscope', usual) is None
+
+
+def test_noise_that_is_loud_along_one_axis_alone_is_less_likely_than_along_all() -> None:
+    usual = fit_noise(knocked(0.0), 'gyroscope')
+
+    def louder(*factors: float) -> float:
+        noise = replace(
+            usual, white=usual.white * factors, amplitudes=usual.amplitudes * np.array(factors)
+        )
+        return log_prior_of_loudness(noise, usual, PERIOD)
+
+    assert louder(1.0, 1.0, 1.0) == 0.0 == louder(0.5, 1.0, 0.1)
+    assert louder(1.0, 1.0, 64.0) < louder(4.0, 4.0, 4.0) < louder(2.0, 2.0, 2.0) < 0.0

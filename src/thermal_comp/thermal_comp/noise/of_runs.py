@@ -193,9 +193,14 @@ def _white_of_neighbours(
 
 
 def log_prior_of_loudness(noise: NoiseModel, usual: NoiseModel, period: float) -> float:
-    """Return ln of the prior of noise relative to the usual one; 0 where it is not louder."""
+    """Return ln of the prior of noise relative to the usual one; 0 where it is not louder.
+
+    ln of the ratio has a part that is common to the axes and one of each, equally wide.
+    """
     ratio = noise.variance_of_means(period) / usual.variance_of_means(period)
-    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1.0)).mean() / SLOW_SHARE_LN_STD) ** 2
+    louder = 0.5 * np.log(np.maximum(ratio, 1.0)) / SLOW_SHARE_LN_STD
+    covariance = np.eye(3) + 1.0
+    return -0.5 * float(louder @ np.linalg.solve(covariance, louder))
 
 
 def _covariance(rows: FloatArray) -> FloatArray | None:
