@@ -316,11 +316,11 @@ def _hidden_law(
     rng: np.random.Generator | None,
 ) -> HiddenLaw:
     rival, share = _rival(one, runs, rng) if rng is not None else ('', float('nan'))
+    needs = ('heater',) if one.parameters.get('gated') else one.law.needs
     return HiddenLaw(
         one.name, one.sensors, one.magnitude, one.parameters,
         {sensor: value.tolist() for sensor, value in one.coefficients.items()},
-        one.name in CATALOGUE, one.law.needs,
-        not one.law.needs or any(track in logged for track in one.law.needs),
+        one.name in CATALOGUE, needs, not needs or any(track in logged for track in needs),
         one.visible, rival, share,
     )  # fmt: skip
 

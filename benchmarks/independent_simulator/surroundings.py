@@ -251,7 +251,8 @@ def _air(
         draught = 1.0 + 0.05 * wandering(rng, n, dt, 20.0)
         air = programme.start + lag((setpoint - programme.start) * draught, dt, 15.0)
         return air, blowing, nothing, blowing
-    air = setpoint + 0.15 * wandering(rng, n, dt, 200.0)
+    room = np.full(n, ROOM) if programme.kind == 'freezer' else setpoint
+    air = room + 0.15 * wandering(rng, n, dt, 200.0)
     if programme.kind == 'room':
         day = (programme.begins + time) / 86400.0 + rng.uniform()
         air = air + rng.uniform(1.5, 4.0) * np.sin(2.0 * np.pi * day)
