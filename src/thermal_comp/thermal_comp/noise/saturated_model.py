@@ -9,6 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
+from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
@@ -32,19 +33,18 @@ LARGEST_COLUMN_SHARE = 0.4
 
 
 def saturated_basis(run: PreparedRun) -> FloatArray:
-    """Return an orthonormal basis (m, p): temperature × branch, lags, air, cycles.
+    """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
 
-    Fitted per run and axis it follows to first order every effect of temperature and time. What
-    follows another channel is taken out once it is found: the noise of a sensor must not depend
-    on channels that do not act on it. A run of few effective blocks, to which so many columns
-    would leave little, has powers of temperature and time, and a lag.
+    Fitted per run and axis it follows every effect of the catalogue to first order. A run of few
+    effective blocks, to which so many columns would leave little, has powers of temperature and
+    time, and a lag.
     """
     columns = _columns_of_all_effects(run)
     return joined_basis(_columns_of_few_blocks(run) if _too_many(columns, run) else columns)
 
 
 def follows_any_effect(run: PreparedRun) -> bool:
-    """Tell whether a run has blocks enough for columns of every effect of temperature and time."""
+    """Tell whether a run has blocks enough for columns that follow every effect."""
     return not _too_many(_columns_of_all_effects(run), run)
 
 
@@ -58,7 +58,7 @@ def _too_many(columns: Sequence[FloatArray], run: PreparedRun) -> bool:
 
 
 def repeatable_basis(run: PreparedRun) -> FloatArray:
-    """Return an orthonormal basis (m, p) of what follows temperature and air, not time."""
+    """Return an orthonormal basis (m, p) of what follows temperature and channels, not time."""
     return joined_basis(_repeatable(run))
 
 
@@ -68,7 +68,7 @@ def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _repeatable(run: PreparedRun) -> list[FloatArray]:
-    """Return columns of temperature by branch, lags, plays, ice and the air."""
+    """Return columns of temperature by branch, lags, plays, ice and channels."""
     temperature = run.temperature
     time = run.time
     branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
@@ -83,9 +83,10 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
         for times in ICE_TIMES_BY_DEGREES_S
     ]
     blocks.append(np.stack(ice, axis=1))
-    air = run.block_conditions.chamber_temperature
-    if air is not None and run.block_conditions.has('chamber_temperature'):
-        blocks.append(np.where(np.isnan(air), np.nanmean(air), air)[:, None])
+    for name in ('chamber_temperature', *(channel.field for channel in ACTING_CHANNELS)):
+        if run.block_conditions.has(name):
+            values = getattr(run.block_conditions, name).reshape(len(time), -1)
+            blocks.append(np.where(np.isnan(values), np.nanmean(values, axis=0), values))
     return blocks
 
 
