@@ -41,6 +41,19 @@ def test_a_complete_model_reaches_the_noise_floor(bags: Path) -> None:
     assert (accelerometer.r_squared > 0.999).all()
 
 
+@pytest.mark.parametrize('channel', ['supply_voltage', 'humidity', 'chamber_temperature'])
+def test_what_a_channel_does_is_no_noise_before_its_effect_is_known(channel: str) -> None:
+    time = chamber()[0]
+    course = np.sin(2.0 * np.pi * time / 5000.0) + (time % 9000.0 > 4000.0)
+    error = {'angular_velocity': 6e-4 * course[:, None] * np.array([1.0, -0.5, 0.8])}
+    plain_run = run(error=error)
+    comparison = compare(
+        fit(LINE, [plain_run]), [replace(plain_run, **{channel: 5.0 + 0.1 * course})]
+    )
+    part = comparison.sensors['gyroscope']
+    assert (part.held_out_rms > 3.0 * part.noise_floor).all()
+
+
 def test_a_missing_effect_shows_where_it_acts_and_falls_when_added() -> None:
     recordings = [run(up, seed=k, error=lag_error(1e-4)) for k, up in enumerate(('+x', '+z'))]
     line = compare(fit(LINE, recordings), recordings).sensors['gyroscope']

@@ -120,7 +120,7 @@ def _coefficients(effect: type[Effect]) -> str:
 
 def _parameter_lines(told: Mapping[str, Any]) -> list[str]:
     return [
-        f'{name} {row["bounds"][0]:g} … {row["bounds"][1]:g} {row["unit"]}, default '
-        f'{row["default"]}'
+        f'{name} {row["bounds"][0]:g} … {row["bounds"][1]:g}'
+        f'{"" if row["unit"] == "1" else " " + row["unit"]}, default {row["default"]}'
         for name, row in told['parameters'].items()
     ]

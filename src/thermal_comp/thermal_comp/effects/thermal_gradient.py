@@ -21,14 +21,14 @@ class ThermalGradient(Effect):
     """The error is proportional to the difference between a second thermometer and the die."""
 
     outside: float = shape_parameter(0.0, unit='1', bounds=(0.0, 2.0), given=True)
-    """Second thermometer: 0 in the chamber's air, 1 on the device, 2 another in the air."""
+    """Second thermometer: 0 air in the chamber, 1 on the device, 2 second sensor in the air."""
 
     name: ClassVar[str] = 'thermal_gradient'
     channels: ClassVar[tuple[str, ...]] = ('chamber_temperature',)
     substitutes: ClassVar[tuple[str, ...]] = ('device_temperature', 'chamber_temperature_2')
     equation: ClassVar[str] = (
-        'error = a · (T_outside − T),  outside: 0 in the chamber’s air, 1 on the device, '
-        '2 another in the air'
+        'error = a · (T_outside − T),  outside: 0 air in the chamber, 1 on the device, '
+        '2 second sensor in the air'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
     mechanism: ClassVar[str] = (

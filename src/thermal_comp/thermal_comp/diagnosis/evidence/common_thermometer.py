@@ -123,7 +123,7 @@ def _log_evidence(told: Information) -> float:
 def _with_limited_precision(told: Information) -> Information:
     """Return the information with a precision limited to a share of the thermometer's errors.
 
-    Six columns describe a thermometer only approximately.
+    Its columns describe a thermometer only approximately.
     """
     deviation = priors.thermometer_deviations(max(s for s, _ in priors.THERMOMETER_LAGS_S))
     inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
