@@ -10,7 +10,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import fit_noise, fit_noise_to_spectra
+from thermal_comp.noise.estimation import fit_noise, saturated_model
 from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
@@ -19,6 +19,7 @@ from thermal_comp.noise.process import (
     project_spectra,
     toeplitz_product,
 )
+from thermal_comp.noise.whittle import fit_noise_to_spectra
 
 from ..campaign import WHITE, chamber, run
 
@@ -176,3 +177,17 @@ def test_counts_four_times_as_coarse_in_one_run_are_no_effect() -> None:
     answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']
     assert answer.kind == 'complete'
     assert answer.likeliest.probability > 0.5
+
+
+def test_only_channels_that_act_are_in_the_saturated_model() -> None:
+    time = chamber()[0]
+    supply = 3.3 + 0.05 * (time % 7000.0 > 3000.0) + 0.02 * np.sin(2.0 * np.pi * time / 4000.0)
+    damp = 40.0 + 5.0 * np.sin(2.0 * np.pi * time / 11_000.0)
+    made = 1e-3 * (supply - 3.3)[:, None] * np.array([1.0, -0.5, 0.8])
+    plain = run(error={'angular_velocity': made})
+    logged = replace(plain, supply_voltage=supply, humidity=damp, fan=np.ones(len(time)))
+    runs = prepare([logged])
+    assert saturated_model(runs, 'gyroscope').channels == ('chamber_temperature', 'supply_voltage')
+    assert saturated_model(runs, 'accelerometer').channels == ('chamber_temperature',)
+    alone = fit_noise(prepare([plain]), 'accelerometer')
+    np.testing.assert_array_equal(fit_noise(runs, 'accelerometer').white, alone.white)

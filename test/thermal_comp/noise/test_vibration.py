@@ -12,7 +12,8 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import fit_noise, noise_product
+from thermal_comp.noise.covariance import noise_product
+from thermal_comp.noise.estimation import fit_noise
 from thermal_comp.noise.of_runs import determined_noise, independent_axes, turned_runs
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
@@ -21,6 +22,7 @@ from thermal_comp.noise.process import (
     mean_autocovariance,
     project_spectra,
 )
+from thermal_comp.noise.saturated_model import SaturatedModel
 from thermal_comp.noise.vibration import noise_of_vibration
 
 from ..campaign import PERIOD, WHITE, chamber, measured_by, run
@@ -57,10 +59,10 @@ def prepared(size: float = 1.0) -> list[PreparedRun]:
 
 
 def test_the_growth_is_found_from_differences_of_neighbours_alone() -> None:
-    found = noise_of_vibration(prepared(), SENSOR, [{}])
+    found = noise_of_vibration(prepared(), SENSOR, SaturatedModel(), [{}])
     along = DENSITY * DIRECTION**2
     assert found.density == pytest.approx(along, rel=0.35)
-    still = noise_of_vibration(prepared(size=0.0), SENSOR, [{}])
+    still = noise_of_vibration(prepared(size=0.0), SENSOR, SaturatedModel(), [{}])
     assert not still.density.any()
     assert still.shaking(prepared()[0], np.ones(len(prepared()[0]), bool)) is None
 

@@ -19,9 +19,8 @@ from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import Solution, solve
 from thermal_comp.linear.whitening import apply_transposed
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import noise_product
+from thermal_comp.noise.covariance import block_variances, noise_product
 from thermal_comp.noise.kept_results import kept
-from thermal_comp.noise.vibration import block_variances
 
 LEAST_POWER_SHARE = 0.02
 """Share of a column's power in the rest of the runs below which they do not determine its

@@ -39,7 +39,7 @@ from thermal_comp.linear.normal_equations import (
     solve,
 )
 from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
-from thermal_comp.noise.estimation import noise_product
+from thermal_comp.noise.covariance import noise_product
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
 from thermal_comp.noise.vibration import note_of_vibration
 

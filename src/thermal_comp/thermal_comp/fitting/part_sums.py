@@ -23,7 +23,7 @@ from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stac
 from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.vibration import block_variances
+from thermal_comp.noise.covariance import block_variances
 
 LONG_PARTS = 4
 """Parts of a run without cycles that a term must lower the error on, too: between near neighbours

@@ -4,63 +4,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from imu_recording.recording import FloatArray
-from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.linalg import pinvh
+from scipy.stats import chi2
 
+from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.columns import LEAST_NEW_LENGTH, orthonormal, project_out
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.covariance import noise_product
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.kept_results import kept
-from thermal_comp.noise.process import (
-    OU_TIME_CONSTANTS,
-    ResidualSpectrum,
-    mean_autocovariance,
-    project_spectra,
-    toeplitz_product,
-)
+from thermal_comp.noise.process import OU_TIME_CONSTANTS, ResidualSpectrum, project_spectra
 from thermal_comp.noise.projection import (
     LEAST_BLOCKS,
     FurtherColumns,
+    basis_of_rows,
     not_followed,
     projection_of,
 )
-from thermal_comp.noise.saturated_model import saturated_basis
-from thermal_comp.noise.vibration import (
-    NO_VIBRATION_NOISE,
-    VibrationNoise,
-    block_variances,
-    noise_of_vibration,
-)
-
-NEIGHBOUR_LN_STD = 1.2
-"""Standard deviation of the difference between the ln of variances of neighbouring processes."""
-
-TYPICAL_SLOW_SHARE, SLOW_SHARE_LN_STD = 0.2, 1.0
-"""Amplitude of each process over the standard deviation of a one-second mean, and standard
-deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Without this prior
-the most likely variance of slow noise in a short run is often zero, and effects would fit it."""
-
-AXIS_LN_STD = 0.7
-"""Standard deviation of the ln of an axis's variance of slow noise about that of all axes."""
-
-STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD = 1.0, 0.3
-"""The same of white noise, and of what vibration adds to it, about the values that differences of
-neighbouring blocks have: slow noise is in these too, and vibration is only nearly white."""
+from thermal_comp.noise.saturated_model import SaturatedModel, channel_columns
+from thermal_comp.noise.vibration import VibrationNoise, noise_of_vibration
+from thermal_comp.noise.whittle import fit_noise_to_spectra
 
 OTHER_NOISE_RATIO, OTHER_NOISE_STDS = 1.5, 5.0
 """Ratio of a run's variance of white noise to that of all, and number of its standard deviations,
 from which runs have white noise of their own: other ranges, coarser counts, other rates."""
 FACTOR_ROUNDS = 5
 """Rounds in which the factors of runs and the noise they share are fitted in turn."""
-
-LEAST_VARIANCE_SHARE = 1e-9
-"""Least variance of a process, as a share of the residual's."""
+CHANNEL_SIGNIFICANCE = 1e-3
+"""Probability that a channel which does not act is taken for one that does."""
 
 
 @kept
@@ -73,11 +50,73 @@ def fit_noise(
     follow is taken out first, and those of `effects`, which are known to act, that it cannot
     follow well enough (a step, a spectral line, some hysteresis).
     """
-    beyond = effects_beyond(runs, sensor, effects)
+    return _noise_beside(runs, sensor, effects, saturated_model(runs, sensor))
+
+
+@kept
+def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedModel:
+    """Return the saturated model of a sensor, with the channels that act on it.
+
+    Columns of a channel take something of the noise out, and with it the evidence for each effect
+    moves: a channel that does not act must not be among them. Under the noise beside all channels
+    the most significant joins until none is significant: χ² of what a channel's columns, beside
+    those taken before, explain in each run and axis (least squares, whose coefficients have the
+    covariance (VᵀV)⁻¹ Vᵀ S V (VᵀV)⁻¹ under noise of covariance S).
+    """
+    air = ('chamber_temperature',)
+    logged = [
+        channel.field
+        for channel in ACTING_CHANNELS
+        if any(run.block_conditions.has(channel.field) for run in runs)
+    ]
+    if not logged:
+        return SaturatedModel(air)
+    noise = _noise_beside(runs, sensor, (), SaturatedModel((*air, *logged)))
+    acting: list[str] = []
+    while logged:
+        model = SaturatedModel((*air, *acting))
+        chance = [_chance(runs, sensor, noise, model, channel) for channel in logged]
+        best = int(np.argmin(chance))
+        if chance[best] > CHANNEL_SIGNIFICANCE:
+            break
+        acting.append(logged.pop(best))
+    return SaturatedModel((*air, *sorted(acting)))
+
+
+def _chance(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    noise: NoiseModel,
+    model: SaturatedModel,
+    channel: str,
+) -> float:
+    """Return the probability that a channel which does not act explains as much beside a model."""
+    explained, count = 0.0, 0
+    for run in runs:
+        valid = run.valid(sensor)
+        if valid.sum() < LEAST_BLOCKS:
+            continue
+        known = basis_of_rows(run, valid, model, {})
+        columns = orthonormal(channel_columns(run, channel)[valid])
+        left = project_out(known, columns)
+        new = orthonormal(left[:, np.linalg.norm(left, axis=0) > LEAST_NEW_LENGTH])
+        for axis in range(3 if new.shape[1] else 0):
+            coefficients = new.T @ run.measured[sensor][valid, axis]
+            covariance = new.T @ noise_product(noise, run, axis, new, valid)
+            explained += float(coefficients @ pinvh(covariance) @ coefficients)
+            count += new.shape[1]
+    return float(chi2.sf(explained, count)) if count else 1.0
+
+
+def _noise_beside(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect], model: SaturatedModel
+) -> NoiseModel:
+    """Return the noise that a saturated model leaves, and the effects that it cannot follow."""
+    beyond = not_followed(runs, sensor, effects, model)
     furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
-    vibration = noise_of_vibration(runs, sensor, furthers)
+    vibration = noise_of_vibration(runs, sensor, model, furthers)
     spectra = [
-        _spectrum(run, sensor, further, vibration)
+        _spectrum(run, sensor, model, further, vibration)
         for run, further in zip(runs, furthers, strict=True)
     ]
     named = {
@@ -124,74 +163,17 @@ def effects_beyond(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect]
 ) -> tuple[Effect, ...]:
     """Return the effects the saturated model cannot follow in some run."""
-    return not_followed(runs, sensor, effects, saturated_basis)
-
-
-def fit_noise_to_spectra(
-    spectra: Sequence[ResidualSpectrum], vibration: VibrationNoise = NO_VIBRATION_NOISE
-) -> NoiseModel:
-    """Return the noise model whose expected spectra fit best, per axis.
-
-    `vibration` is the noise of still rows and its growth: a spectrum of all rows cannot tell
-    which part of white noise vibration adds.
-    """
-    if not spectra:
-        return NoiseModel(np.zeros(3), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3)))
-    expected = np.concatenate([s.expected for s in spectra], axis=1)
-    periodogram = np.concatenate([s.periodogram for s in spectra])
-    weight = np.concatenate([s.weight for s in spectra])
-    scale = np.maximum((periodogram * weight[:, None]).sum(axis=0), 1e-300) / np.maximum(
-        (expected[0] * weight).sum(), 1e-300
-    )
-    periodogram, levels = periodogram / scale, np.zeros((0, 3))
-    if vibration.density.any():
-        expected = np.vstack([expected, np.concatenate([s.shaken for s in spectra])])
-        levels = np.stack([vibration.white, vibration.density]) / scale
-    usual = _usual_noise(levels.mean(axis=1))
-    common = np.log(_whittle(periodogram.mean(axis=1), expected, weight * 3.0, usual))
-    variances = np.stack(
-        [
-            _whittle(axis, expected, weight, _noise_near(common, level))
-            for axis, level in zip(periodogram.T, levels.T, strict=True)
-        ],
-        axis=1,
-    )
-    slow = slice(1, len(OU_TIME_CONSTANTS) + 1)
-    added = variances[slow.stop :] if len(levels) else np.zeros((1, 3))
-    return NoiseModel(
-        white=np.sqrt(variances[0] * scale),
-        time_constants=OU_TIME_CONSTANTS,
-        amplitudes=np.sqrt(variances[slow] * scale),
-        per_vibration=added[0] * scale,
-        still_vibration=vibration.still,
-    )
-
-
-def noise_product(
-    noise: NoiseModel,
-    run: PreparedRun,
-    axis: int,
-    values: FloatArray,
-    rows: NDArray[np.bool_] | slice = slice(None),
-) -> FloatArray:
-    """Return S @ values, (m, q), S the covariance of the noise of rows of a run [unit²]."""
-    noise = noise.of_run(run.name)
-    covariance = mean_autocovariance(noise, axis, run.period, int(run.slot[-1]) + 1)
-    added = block_variances(noise, run)[rows, axis] - covariance[0]
-    product: FloatArray = toeplitz_product(covariance, run.slot[rows], values)
-    return product + np.asarray(added)[:, None] * values
-
-
-def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: FloatArray) -> float:
-    """Return E|operatorᵀ·noise|² summed over the operator's columns (m, q) [unit²]."""
-    product = noise_product(noise, run, axis, operator)
-    return float(np.einsum('mq,mq->', operator, product))
+    return not_followed(runs, sensor, effects, saturated_model(runs, sensor))
 
 
 def _spectrum(
-    run: PreparedRun, sensor: Sensor, further: FurtherColumns, vibration: VibrationNoise
+    run: PreparedRun,
+    sensor: Sensor,
+    model: SaturatedModel,
+    further: FurtherColumns,
+    vibration: VibrationNoise,
 ) -> ResidualSpectrum | None:
-    """Return the spectrum of a run less saturated model, `further` columns and jumps.
+    """Return the spectrum of a run less the model, `further` columns and jumps.
 
     None where the run is too short.
     """
@@ -200,107 +182,10 @@ def _spectrum(
     if valid.sum() < LEAST_BLOCKS:
         return None
     values, shaking = values[valid], vibration.shaking(run, valid)
-    projection = projection_of(run, valid, saturated_basis, further, shaking)
+    projection = projection_of(run, valid, model, further, shaking)
     weights = np.ones(len(values)) if shaking is None else shaking.weights
     slot, known = projection.slot, projection.basis
     basis = basis_with_jumps(weights[:, None] * values, slot, known, weights)
     if basis is not known:
         projection = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period, shaking)
     return projection.spectrum_of(values)
-
-
-@dataclass(frozen=True, eq=False)
-class _Prior:
-    """Normal distribution of the ln of variances: white, slow processes, added by vibration."""
-
-    centre: FloatArray
-    precision: FloatArray
-
-
-def _usual_noise(levels: FloatArray) -> _Prior:
-    """Return the prior of the noise of a MEMS sensor; `levels` as in `_with_white`.
-
-    Slow noise is a share of white noise.
-    """
-    slow = len(OU_TIME_CONSTANTS)
-    level = np.r_[-1.0, np.full(slow, 1.0 / slow)]
-    precision = _smoothness_precision() + np.outer(level, level) / (2.0 * SLOW_SHARE_LN_STD) ** 2
-    white = np.log(max(levels[0], LEAST_VARIANCE_SHARE)) if len(levels) else 0.0
-    centre = white + np.r_[0.0, np.full(slow, 2.0 * np.log(TYPICAL_SLOW_SHARE))]
-    return _with_white(_Prior(centre, precision), levels)
-
-
-def _noise_near(common: FloatArray, levels: FloatArray) -> _Prior:
-    """Return the prior of one axis near what is `common` to all; `levels` as in `_with_white`."""
-    slow = len(OU_TIME_CONSTANTS)
-    precision = _smoothness_precision() + np.diag(np.r_[0.0, np.full(slow, 1.0 / AXIS_LN_STD**2)])
-    return _with_white(_Prior(common[: slow + 1], precision), levels)
-
-
-def _with_white(prior: _Prior, levels: FloatArray) -> _Prior:
-    """Return the prior with the levels (2,) of white noise: of still rows, added by vibration.
-
-    () where vibration adds none.
-    """
-    if not len(levels):
-        return prior
-    still, added = np.log(np.maximum(levels, LEAST_VARIANCE_SHARE))
-    precision = np.zeros((len(prior.centre) + 1, len(prior.centre) + 1))
-    precision[:-1, :-1] = prior.precision
-    precision[[0, -1], [0, -1]] += np.array([STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD]) ** -2.0
-    return _Prior(np.r_[still, prior.centre[1:], added], precision)
-
-
-def _whittle(
-    periodogram: FloatArray, expected: FloatArray, weight: FloatArray, prior: _Prior
-) -> FloatArray:
-    """Return the variances (k,) that maximise Σ w (−I/m − ln m) plus the prior's log.
-
-    m (f,) = Σ variance · expected.
-    """
-    found = minimize(
-        _minus_log_posterior,
-        np.minimum(prior.centre, 0.0),
-        args=(periodogram, expected, weight, prior),
-        method='trust-exact',
-        jac=True,
-        hess=_information,
-    )
-    variances: FloatArray = np.maximum(np.exp(found.x), LEAST_VARIANCE_SHARE)
-    return variances
-
-
-def _minus_log_posterior(
-    log_variance: FloatArray,
-    periodogram: FloatArray,
-    expected: FloatArray,
-    weight: FloatArray,
-    prior: _Prior,
-) -> tuple[float, FloatArray]:
-    """Return what `_whittle` minimises, and its gradient (k,)."""
-    share = np.exp(log_variance)[:, None] * expected
-    spectrum = np.maximum(share.sum(axis=0), 1e-300)
-    ratio, away = periodogram / spectrum, log_variance - prior.centre
-    value = weight @ (ratio + np.log(spectrum)) + 0.5 * away @ prior.precision @ away
-    return float(value), (share / spectrum) @ (weight * (1.0 - ratio)) + prior.precision @ away
-
-
-def _information(
-    log_variance: FloatArray,
-    periodogram: FloatArray,  # noqa: ARG001 (the expectation of the second derivatives)
-    expected: FloatArray,
-    weight: FloatArray,
-    prior: _Prior,
-) -> FloatArray:
-    """Return the (k, k) expected curvature of what `_whittle` minimises."""
-    share = np.exp(log_variance)[:, None] * expected
-    share /= np.maximum(share.sum(axis=0), 1e-300)
-    information: FloatArray = (share * weight) @ share.T + prior.precision
-    return information
-
-
-def _smoothness_precision() -> FloatArray:
-    """Return the precision of steps between neighbouring processes; white noise is free."""
-    order = len(OU_TIME_CONSTANTS) + 1
-    steps = np.diff(np.eye(order)[1:], axis=0)
-    return np.asarray(steps.T @ steps) / NEIGHBOUR_LN_STD**2 + 1e-6 * np.eye(order)

@@ -19,12 +19,14 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import expected_square, fit_noise_to_spectra
+from thermal_comp.noise.covariance import block_variances, expected_square
+from thermal_comp.noise.estimation import saturated_model
 from thermal_comp.noise.kept_results import kept
 from thermal_comp.noise.process import ResidualSpectrum
 from thermal_comp.noise.projection import LEAST_BLOCKS, not_followed, projection_of
-from thermal_comp.noise.saturated_model import repeatable_basis
-from thermal_comp.noise.vibration import VibrationNoise, block_variances
+from thermal_comp.noise.saturated_model import SaturatedModel
+from thermal_comp.noise.vibration import VibrationNoise
+from thermal_comp.noise.whittle import fit_noise_to_spectra
 
 MOST_SPREAD_RATIO = 1.15
 """Rms about a run's mean, over that of the extrapolated noise, above which more than noise is left
@@ -45,7 +47,8 @@ def noise_of_model(
     `extrapolated`, the noise behind a saturated model, is returned where more than noise is left.
     """
     vibration = VibrationNoise.of_model(extrapolated, runs[0].period)
-    spectra = [_spectrum(run, sensor, tuple(effects), vibration) for run in runs]
+    repeatable = replace(saturated_model(runs, sensor), over_time=False)
+    spectra = [_spectrum(run, sensor, repeatable, tuple(effects), vibration) for run in runs]
     if any(spectrum is None for spectrum in spectra):
         return extrapolated
     factors = extrapolated.white_factors
@@ -72,13 +75,17 @@ def _spread(runs: Sequence[PreparedRun], noise: NoiseModel) -> float:
 
 
 def _spectrum(
-    run: PreparedRun, sensor: Sensor, effects: tuple[Effect, ...], vibration: VibrationNoise
+    run: PreparedRun,
+    sensor: Sensor,
+    repeatable: SaturatedModel,
+    effects: tuple[Effect, ...],
+    vibration: VibrationNoise,
 ) -> ResidualSpectrum | None:
     values = run.measured[sensor]
     valid = run.valid(sensor)
     if valid.sum() < LEAST_BLOCKS:
         return None
-    beside = not_followed([run], sensor, effects, repeatable_basis)
+    beside = not_followed([run], sensor, effects, repeatable)
     further = {(sensor, effect): run.columns(effect, sensor) for effect in beside}
     shaking = vibration.shaking(run, valid)
-    return projection_of(run, valid, repeatable_basis, further, shaking).spectrum_of(values[valid])
+    return projection_of(run, valid, repeatable, further, shaking).spectrum_of(values[valid])

@@ -15,16 +15,11 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, project_out
 from thermal_comp.model.values import ModelError, NoiseModel
-from thermal_comp.noise.estimation import (
-    SLOW_SHARE_LN_STD,
-    TYPICAL_SLOW_SHARE,
-    effects_beyond,
-    fit_noise,
-)
+from thermal_comp.noise.estimation import effects_beyond, fit_noise, saturated_model
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
-from thermal_comp.noise.saturated_model import follows_any_effect, saturated_basis
 from thermal_comp.noise.vibration import SHAKEN_NOISE_RATIO, noise_of_vibration, note_of_vibration
+from thermal_comp.noise.whittle import SLOW_SHARE_LN_STD, TYPICAL_SLOW_SHARE
 
 CORRELATED_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which the noise of the axes is correlated."""
@@ -114,7 +109,8 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
     (generalised eigenvectors), of unit length; without vibration they are orthogonal. None where
     the sensor's own axes are independent: Bartlett's test, less a charge for three correlations.
     """
-    vibration = noise_of_vibration(runs, sensor, [{}] * len(runs))
+    model = saturated_model(runs, sensor)
+    vibration = noise_of_vibration(runs, sensor, model, [{}] * len(runs))
     steps, neighbours, strength = [np.zeros((0, 3))], [np.zeros(0, bool)], [np.zeros(0)]
     for run in runs:
         valid = run.valid(sensor)
@@ -122,7 +118,7 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
             continue
         shaking = vibration.shaking(run, valid)
         weights = np.ones(int(valid.sum())) if shaking is None else shaking.weights
-        basis = basis_of_rows(run, valid, saturated_basis, {}, shaking)
+        basis = basis_of_rows(run, valid, model, {}, shaking)
         weighted = weights[:, None] * run.measured[sensor][valid]
         left = project_out(basis_with_jumps(weighted, run.slot[valid], basis, weights), weighted)
         steps.append(np.diff(left / weights[:, None], axis=0))
@@ -164,7 +160,8 @@ def usual_noise(
     slow = np.tile(TYPICAL_SLOW_SHARE * white, (len(fitted.time_constants), 1))
     usual = replace(fitted, white=white, amplitudes=slow)
     period = runs[0].period
-    ratio = LOUD_NOISE_RATIO if all(map(follows_any_effect, runs)) else LOUD_NOISE_RATIO_OF_FEW
+    follows = saturated_model(runs, sensor).follows_any_effect
+    ratio = LOUD_NOISE_RATIO if all(map(follows, runs)) else LOUD_NOISE_RATIO_OF_FEW
     loud = fitted.variance_of_means(period) > ratio**2 * usual.variance_of_means(period)
     return usual if loud.any() else None
 

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
-from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
@@ -32,24 +32,41 @@ LARGEST_COLUMN_SHARE = 0.4
 """Columns the model may have, as a share of the effective blocks."""
 
 
-def saturated_basis(run: PreparedRun) -> FloatArray:
-    """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
+@dataclass(frozen=True)
+class SaturatedModel:
+    """Columns of temperature × branch, lags, channels and time, for each run and axis.
 
-    Fitted per run and axis it follows every effect of the catalogue to first order. A run of few
-    effective blocks, to which so many columns would leave little, has powers of temperature and
-    time, and a lag.
+    They follow every effect of the catalogue to first order. A run of few effective blocks, to
+    which so many columns would leave little, has powers of temperature and time, and a lag.
     """
-    columns = _columns_of_all_effects(run)
-    return joined_basis(_columns_of_few_blocks(run) if _too_many(columns, run) else columns)
+
+    channels: tuple[str, ...] = ()
+    """Logged channels whose effects it follows."""
+    over_time: bool = True
+    """Whether it follows what changes with time since power-on and from cycle to cycle."""
+
+    def __call__(self, run: PreparedRun) -> FloatArray:
+        """Return an orthonormal basis (m, p) over the blocks of a run."""
+        if not self.over_time:
+            return joined_basis(self._repeatable(run))
+        columns = [*self._repeatable(run), *_slow(run)]
+        return joined_basis(_columns_of_few_blocks(run) if _too_many(columns, run) else columns)
+
+    def follows_any_effect(self, run: PreparedRun) -> bool:
+        """Tell whether a run has blocks enough for columns that follow every effect."""
+        return not _too_many([*self._repeatable(run), *_slow(run)], run)
+
+    def _repeatable(self, run: PreparedRun) -> list[FloatArray]:
+        own = (channel_columns(run, channel) for channel in self.channels)
+        return [*_of_temperature(run), *own]
 
 
-def follows_any_effect(run: PreparedRun) -> bool:
-    """Tell whether a run has blocks enough for columns that follow every effect."""
-    return not _too_many(_columns_of_all_effects(run), run)
-
-
-def _columns_of_all_effects(run: PreparedRun) -> list[FloatArray]:
-    return [*_repeatable(run), *_slow(run)]
+def channel_columns(run: PreparedRun, channel: str) -> FloatArray:
+    """Return the columns (m, k) of a channel, its mean where it is unknown; k = 0 without it."""
+    if not run.block_conditions.has(channel):
+        return np.zeros((len(run), 0))
+    values = getattr(run.block_conditions, channel).reshape(len(run), -1)
+    return np.where(np.isnan(values), np.nanmean(values, axis=0), values)
 
 
 def _too_many(columns: Sequence[FloatArray], run: PreparedRun) -> bool:
@@ -57,18 +74,13 @@ def _too_many(columns: Sequence[FloatArray], run: PreparedRun) -> bool:
     return bool(count > LARGEST_COLUMN_SHARE * _effective_blocks(run))
 
 
-def repeatable_basis(run: PreparedRun) -> FloatArray:
-    """Return an orthonormal basis (m, p) of what follows temperature and channels, not time."""
-    return joined_basis(_repeatable(run))
-
-
 def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
     """Return an orthonormal basis of all columns (m, …) together."""
     return orthonormal(np.concatenate(columns, axis=1))
 
 
-def _repeatable(run: PreparedRun) -> list[FloatArray]:
-    """Return columns of temperature by branch, lags, plays, ice and channels."""
+def _of_temperature(run: PreparedRun) -> list[FloatArray]:
+    """Return columns of temperature by branch, lags, plays and ice."""
     temperature = run.temperature
     time = run.time
     branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
@@ -83,10 +95,6 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
         for times in ICE_TIMES_BY_DEGREES_S
     ]
     blocks.append(np.stack(ice, axis=1))
-    for name in ('chamber_temperature', *(channel.field for channel in ACTING_CHANNELS)):
-        if run.block_conditions.has(name):
-            values = getattr(run.block_conditions, name).reshape(len(time), -1)
-            blocks.append(np.where(np.isnan(values), np.nanmean(values, axis=0), values))
     return blocks
 
 

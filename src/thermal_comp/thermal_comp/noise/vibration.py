@@ -22,10 +22,10 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.covariance import block_variances
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.process import Shaking
-from thermal_comp.noise.projection import LEAST_BLOCKS, FurtherColumns, basis_of_rows
-from thermal_comp.noise.saturated_model import saturated_basis
+from thermal_comp.noise.projection import LEAST_BLOCKS, Basis, FurtherColumns, basis_of_rows
 
 STILL_ROWS_SHARE = 0.05
 """Quantile of the vibration up to which rows count as still."""
@@ -82,11 +82,14 @@ NO_VIBRATION_NOISE = VibrationNoise(white=np.zeros(3), density=np.zeros(3), stil
 
 
 def noise_of_vibration(
-    runs: Sequence[PreparedRun], sensor: Sensor, furthers: Sequence[FurtherColumns]
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    saturated: Basis,
+    furthers: Sequence[FurtherColumns],
 ) -> VibrationNoise:
     """Return how the noise of a sensor grows with vibration, as far as that is beyond chance.
 
-    `furthers` are columns of each run that a saturated model does not follow.
+    `furthers` are columns of each run that the saturated model does not follow.
     """
     used = [
         (run, valid, further)
@@ -100,7 +103,7 @@ def noise_of_vibration(
     largest = float(vibration.max()) - still
     found = replace(NO_VIBRATION_NOISE, still=still)
     for _ in range(MOST_ROUNDS if largest > 0.0 else 0):
-        parts = [_differences(*one, sensor, found) for one in used]
+        parts = [_differences(*one, sensor, saturated, found) for one in used]
         squares, excess = (np.concatenate(part) for part in zip(*parts, strict=True))
         axes = [_most_likely(axis, excess / largest) for axis in squares.T]
         ratio, variance, evidence = np.array(axes).T
@@ -128,6 +131,7 @@ def _differences(
     valid: NDArray[np.bool_],
     further: FurtherColumns,
     sensor: Sensor,
+    saturated: Basis,
     known: VibrationNoise,
 ) -> tuple[FloatArray, FloatArray]:
     """Return half the squares of differences of neighbours (k, 3), and their mean excess (k,).
@@ -135,7 +139,7 @@ def _differences(
     Jumps are taken out: one among shaken rows would be taken for their noise.
     """
     shaking = known.shaking(run, valid)
-    basis = basis_of_rows(run, valid, saturated_basis, further, shaking)
+    basis = basis_of_rows(run, valid, saturated, further, shaking)
     weights = np.ones((len(basis), 1)) if shaking is None else shaking.weights[:, None]
     weighted = weights * run.measured[sensor][valid]
     basis = basis_with_jumps(weighted, run.slot[valid], basis, weights[:, 0])
@@ -158,13 +162,6 @@ def _most_likely(squares: FloatArray, excess: FloatArray) -> tuple[float, float,
     best = int(np.argmax(likelihood))
     evidence = (2.0 / 3.0) * float(likelihood[best] - likelihood[0])
     return float(VARIANCE_RATIOS[best]), float(variance[best]), evidence
-
-
-def block_variances(noise: NoiseModel, run: PreparedRun) -> FloatArray:
-    """Return the (m, 3) variances of the noise of a run's block means [unit²]."""
-    noise = noise.of_run(run.name)
-    variances = noise.variance_of_means(run.period) + noise.added_by(run.vibration, run.period)
-    return np.broadcast_to(variances, (len(run), 3))
 
 
 def note_of_vibration(noise: NoiseModel, runs: Sequence[PreparedRun], sensor: Sensor) -> str:
