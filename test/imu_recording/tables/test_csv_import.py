@@ -427,3 +427,17 @@ def test_rows_of_a_clock_that_was_set_back_are_counted_with_the_way_out(tmp_path
     assert len(second) == 8
     assert 'rows before --from and after --to were not read' in second.notes
     assert not any('set back' in note for note in second.notes)
+
+
+def test_a_channel_that_stands_in_few_rows_is_held_until_the_next(tmp_path: Path) -> None:
+    file = tmp_path / 'sparse.csv'
+    cells = [f'{20 + k // 50}' if k % 50 == 0 else '' for k in range(500)]
+    cells[300:] = [''] * 200
+    rows = [f'{10 * k},0,0,1,1,2,3,{cell}' for k, cell in enumerate(cells)]
+    file.write_text('\n'.join(['t,ax,ay,az,gx,gy,gz,T', *rows]), 'utf-8')
+    columns = MAPPING['columns'] | {'temperature': {'column': 'T', 'unit': '°C'}}
+    recording = import_csv(file, MAPPING | {'columns': columns})
+    assert recording.temperature[[0, 49, 50, 299]].tolist() == [20, 20, 21, 25]
+    assert recording.temperature_stamp is not None
+    assert recording.temperature_stamp[[49, 50]].tolist() == [0, 500_000_000]
+    assert 'temperature: 6 of 500 rows hold a value, each until the next' in recording.notes

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from thermal_comp.data.motion import MovingError, motion_of, refuse_moving, resting
+from thermal_comp.data.quality import check_recording
 
 from imu_recording import ImuRecording
 
@@ -68,3 +69,21 @@ def test_a_device_at_rest_does_not_move_whatever_its_data_suffer() -> None:
         {'magnetic_field': np.full((len(still), 3), np.nan)},
     ):
         assert motion_of(replace(still, **values)) == '', list(values)
+
+
+def test_a_device_that_is_picked_up_is_left_out_while_it_moves() -> None:
+    still = run(cycles=1, seed=1, period=1.0)
+    at = (still.time >= 3000.0) & (still.time < 3060.0)
+    shake = np.random.default_rng(3).standard_normal((len(still), 3))
+    force, velocity = still.linear_acceleration.copy(), still.angular_velocity.copy()
+    force[at] += 3.0 * shake[at]
+    velocity[at] += 1.0 * shake[at]
+    force[still.time >= 3060.0, 0] += 0.8
+    moved = replace(still, linear_acceleration=force, angular_velocity=velocity)
+    assert not motion_of(moved)
+    clean, findings = check_recording(moved, '1')
+    assert [finding.name for finding in findings] == ['moved']
+    assert 'was moved at 30' in findings[0].text
+    for values in (clean.linear_acceleration, clean.angular_velocity, clean.magnetic_field):
+        assert np.isnan(values[at]).all(axis=1).mean() > 0.95
+        assert np.isfinite(values[~at]).all(axis=1).mean() > 0.999

@@ -47,6 +47,27 @@ def test_a_quantised_thermometer_is_smoothed_between_its_counts() -> None:
     assert np.std(smoothed - true) < 0.6 * np.std(counts - true)
 
 
+@pytest.mark.parametrize('count', [0.1, 0.25, 0.5, 1.0])
+def test_a_coarse_thermometer_without_noise_is_smoothed_through_its_steps(count: float) -> None:
+    time = np.arange(0.0, 1200.0)
+    true = 22.0 + 14.0 * (1.0 - np.exp(-time / 240.0)) + 2.0 * np.sin(2.0 * np.pi * time / 400.0)
+    counts = count * np.round(true / count)
+    smoothed = smoothed_temperature(time, counts)
+    assert np.std(smoothed - true) < 0.3 * np.std(counts - true)
+    steps = np.flatnonzero(np.diff(counts))
+    inside = slice(steps[0], steps[-1] + 1)
+    assert np.abs(smoothed - true)[inside].max() < 0.25 * count
+
+
+def test_rows_that_are_means_over_a_step_say_when_it_was() -> None:
+    time = np.arange(0.0, 1200.0, 0.1)
+    true = 20.0 + 0.03 * time
+    rows = (0.5 * np.round(true / 0.5)).reshape(-1, 10).mean(axis=1)
+    smoothed = smoothed_temperature(np.arange(0.5, 1200.0), rows)
+    inside = slice(40, -40)
+    assert np.abs(smoothed - true.reshape(-1, 10).mean(axis=1))[inside].max() < 0.01
+
+
 def test_what_lies_beyond_a_gap_is_not_mixed_in() -> None:
     time, true = ramps(5.0)
     later = np.where(np.arange(len(time)) < 2000, 0.0, 40.0)

@@ -35,6 +35,8 @@ from imu_recording.tables.mapping import (
 )
 from imu_recording.tables.row_range import RowRange
 
+LARGEST_SPARSE_SHARE = 0.5
+"""Share of rows with a value of a channel, up to which the others are empty cells between."""
 HELD_PERIODS = 10.0
 """Periods of a file beside another for which its values are held."""
 EARLIEST_DATE_NS = 10**17
@@ -71,8 +73,11 @@ def import_csv(
     samples = Samples(samples.stamp[inside], tuple(v[inside] for v in samples.values))
     found: dict[str, Any] = dict(zip(names, samples.values, strict=True))
     _note_gaps(samples.stamp, notes)
+    for field in [name for name in found if name not in VECTOR_FIELDS]:
+        _hold_sparse(samples.stamp, field, found, notes)
     for field, values in found.items():
-        _note_missing(field, values, notes)
+        if field != 'temperature_stamp':
+            _note_missing(field, values, notes)
     for other, its in beside:
         joined = _joined(Path(other), _mapping(its, beside=True), samples.stamp, notes)
         for field in joined:
@@ -210,6 +215,25 @@ def _note_gaps(stamp: IntArray, notes: list[str]) -> None:
     if len(gaps):
         longest = float(gaps.max()) * 1e-9
         notes.append(f'{len(gaps)} gaps above three periods, the longest {longest:.3g} s')
+
+
+def _hold_sparse(stamp: IntArray, field: str, found: dict[str, Any], notes: list[str]) -> None:
+    """Hold a value that stands in few rows until the next one, for ten of its periods at most.
+
+    A logger that reads a thermometer once a second leaves the cells of most rows empty.
+    """
+    values = found[field]
+    known = np.isfinite(values[:, 0])
+    places = np.flatnonzero(known)
+    if len(places) < 2 or len(places) > LARGEST_SPARSE_SHARE * len(stamp):
+        return
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(stamp)), -1))
+    stale = HELD_PERIODS * np.median(np.diff(stamp[places]))
+    old = (newest < 0) | (stamp - stamp[newest] > stale)
+    found[field] = np.where(old[:, None], np.nan, values[newest])
+    if field == 'temperature':
+        found['temperature_stamp'] = np.where(old, -1, stamp[newest])
+    notes.append(f'{field}: {len(places)} of {len(stamp)} rows hold a value, each until the next')
 
 
 def _note_missing(field: str, values: FloatArray, notes: list[str]) -> None:

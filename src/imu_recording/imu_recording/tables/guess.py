@@ -68,6 +68,8 @@ TIME_NAMES = (
     r'zeit(stempel)?|datum)(_?(s|sec|ms|us|ns))?'
 )
 NAME_PREFIX = r'(imu\d?|sensor|raw|data)?_?'
+NUMBERED_UNITS = {'rad': 'rad/s', 'm_s2': 'm/s²', 'ga': 'gauss'}
+"""Units in the names of PX4's topics, whose axes are numbers."""
 NORMS_IN_UNITS = {
     'linear_acceleration': {'m/s²': STANDARD_GRAVITY, 'g': 1.0, 'mg': 1000.0},
     'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
@@ -102,8 +104,9 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     header, no time, or neither a vector of a sensor nor, beside another, any channel in it.
     """
     delimiter, decimal, header, table, comment = _table(path)
-    names = {name: _plain(name) for name in header}
-    units = {name: _unit_in(name) for name in header}
+    spelled = {name: _spelled(name) for name in header}
+    names = {name: _plain(written) for name, written in spelled.items()}
+    units = {name: _unit_in(written) for name, written in spelled.items()}
     columns: dict[str, Any] = {}
     unsure: list[str] = []
     values = dict(zip(header, table.T, strict=True))
@@ -238,6 +241,24 @@ def _number(cell: str) -> float:
         return float(cell)
     except ValueError:
         return np.nan
+
+
+def _spelled(name: str) -> str:
+    """Return a name whose axis is a number, or whose unit one letter, as others are written.
+
+    >>> _spelled('gyro_rad[0]'), _spelled('accelerometer_m_s2[2]'), _spelled('ax_g')
+    ('gyro_x [rad/s]', 'accelerometer_z [m/s²]', 'ax [g]')
+    >>> _spelled('temp_F'), _spelled('acc_g'), _spelled('ax [g]')
+    ('temp [°F]', 'acc_g', 'ax [g]')
+    """
+    if numbered := re.fullmatch(r'(\w+)_(rad|m_s2|ga)\[([012])\]', name):
+        return f'{numbered[1]}_{"xyz"[int(numbered[3])]} [{NUMBERED_UNITS[numbered[2]]}]'
+    if of_axis := re.fullmatch(r'(\w*[xyzXYZ])_([gT])', name):
+        return f'{of_axis[1]} [{of_axis[2]}]'
+    if of_warmth := re.fullmatch(r'(\w*t(?:emp(?:erature)?)?)_([CFK])', name, re.IGNORECASE):
+        unit = of_warmth[2].upper()
+        return f'{of_warmth[1]} [{unit if unit == "K" else "°" + unit}]'
+    return name
 
 
 def _plain(name: str) -> str:

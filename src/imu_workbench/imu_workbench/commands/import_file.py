@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help='what the columns of a CSV are, one a file; without it a guess is printed',
     )
     parser.add_argument('--yes', action='store_true', help='import CSV files with the guess')
+    parser.add_argument(
+        '--device', metavar='NAME', help='name of the device; else that of the mapping or file'
+    )
     for flag, name in (('--from', 'first'), ('--to', 'last')):
         parser.add_argument(
             flag,
@@ -133,6 +137,7 @@ def _import_csv(options: argparse.Namespace, rows: RowRange) -> Answer:
     if guesses:
         unsure = (f'guessed: {question}' for guess in guesses for question in guess.unsure)
         recording = recording.with_notes('the mapping is a guess', *unsure)
+    recording = _named(recording, options.device)
     with replacing(options.output) as fresh:
         write_bag(recording, fresh)
     content, lines = _bag_description(recording, options.output)
@@ -169,13 +174,19 @@ def _import_log(options: argparse.Namespace, rows: RowRange) -> Answer:
         claim_output(target, force=options.force, folder=True)
     bags, lines = [], []
     for imu, recording, target in imus:
+        number = f'_{imu.name}' if len(imus) > 1 else ''
+        named = _named(recording, options.device and options.device + number)
         with replacing(target) as fresh:
-            write_bag(recording, fresh, metadata=imu.metadata)
-        content, said = _bag_description(recording, target)
+            write_bag(named, fresh, metadata=imu.metadata)
+        content, said = _bag_description(named, target)
         hardware = json.loads(imu.metadata['log_hardware'])
         bags.append(content | {'hardware': hardware})
         lines += [*said, *(f'  {name}: {value}' for name, value in hardware.items() if value)]
     return Answer({'schema': 1, 'log': file, 'bags': bags}, '\n'.join(lines))
+
+
+def _named(recording: ImuRecording, device: str | None) -> ImuRecording:
+    return replace(recording, device=device) if device else recording
 
 
 def _part(recording: ImuRecording, rows: RowRange) -> ImuRecording:

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.recording import SECOND_NS, FloatArray, ImuRecording
+from imu_recording.recording import SECOND_NS, FloatArray, ImuRecording, IntArray
 from imu_recording.user_error import UserError
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from thermal_comp.data.binning import bin_means
@@ -35,28 +37,54 @@ class MovingError(UserError):
 
 
 def motion_of(recording: ImuRecording) -> str:
-    """Return how a device moves in a recording, '' where it rests.
+    """Return how a device moves in a recording, '' where it rests, but for a short while.
 
     Means over a second are compared with the median of the minute around them: temperature is
     slower than that, noise and vibration are smaller.
     """
-    if len(recording) < LEAST_MOVING_SECONDS:
+    seconds = _Seconds.of(recording)
+    if seconds.moves.sum() < max(LEAST_MOVING_SECONDS, LEAST_MOVING_SHARE * len(seconds.moves)):
         return ''
-    second = (recording.stamp - recording.stamp[0]) // SECOND_NS
-    starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second)).astype(np.int64)
-    force = bin_means(recording.linear_acceleration, starts)[0]
-    field = bin_means(recording.magnetic_field, starts)[0]
-    rate = _distance_from_median(bin_means(recording.angular_velocity, starts)[0])
-    turned = _distance_from_median(field) > LEAST_FIELD_CHANGE * _usual_norm(field)
-    turned &= rate > LEAST_TURN_RATE
-    moves = (_distance_from_median(force) > LEAST_FORCE_CHANGE * _usual_norm(force)) | turned
-    # A single second is a spike; motion lasts longer.
-    moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
-    if moves.sum() < max(LEAST_MOVING_SECONDS, LEAST_MOVING_SHARE * len(moves)):
-        return ''
-    fastest = np.degrees(rate.max())
+    fastest = np.degrees(seconds.rate.max())
     turned_by = f', turned by up to {fastest:.0f} °/s' if fastest >= 1.0 else ''
-    return f'the device moves in {moves.mean():.0%} of the time{turned_by}'
+    return f'the device moves in {seconds.moves.mean():.0%} of the time{turned_by}'
+
+
+def moved_rows(recording: ImuRecording) -> NDArray[np.bool_]:
+    """Return the (n,) rows from the first to the last second of each short while of motion."""
+    seconds, rows = _Seconds.of(recording), np.zeros(len(recording), dtype=bool)
+    places = np.flatnonzero(seconds.moves)
+    if len(places) >= LEAST_MOVING_SECONDS:
+        for some in np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1):
+            rows[seconds.starts[some[0]] : seconds.starts[some[-1] + 1]] = True
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Seconds:
+    """Means over a second: which rows they are of, and whether the device moves in them."""
+
+    starts: IntArray
+    """(m + 1,) first row of each, and the number of rows."""
+    moves: NDArray[np.bool_]
+    """(m,)."""
+    rate: FloatArray
+    """(m,) change of the angular velocity [rad/s]."""
+
+    @classmethod
+    def of(cls, recording: ImuRecording) -> _Seconds:
+        second = (recording.stamp - recording.stamp[0]) // SECOND_NS
+        starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
+        starts = starts.astype(np.int64)
+        force = bin_means(recording.linear_acceleration, starts)[0]
+        field = bin_means(recording.magnetic_field, starts)[0]
+        rate = _distance_from_median(bin_means(recording.angular_velocity, starts)[0])
+        turned = _distance_from_median(field) > LEAST_FIELD_CHANGE * _usual_norm(field)
+        turned &= rate > LEAST_TURN_RATE
+        moves = (_distance_from_median(force) > LEAST_FORCE_CHANGE * _usual_norm(force)) | turned
+        # A single second is a spike; motion lasts longer.
+        moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
+        return cls(starts, moves, rate)
 
 
 def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], list[str]]:

@@ -23,6 +23,7 @@ from thermal_comp.data.defective_rows import (
     stuck_rows,
     temperature_spikes,
 )
+from thermal_comp.data.motion import motion_of, moved_rows
 from thermal_comp.data.startup import startup_rows
 from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 
@@ -101,6 +102,8 @@ def check_recording(
         findings.append(QualityFinding('impossible_statistic', 'all', count, found_here))
         recording = _blank(recording, channel, rows)
     recording, found = _check_orientation(recording, run)
+    findings += found
+    recording, found = _check_motion(recording, run)
     findings += found
     rate = rate_at_rest(recording)
     if rate:
@@ -286,6 +289,23 @@ def _check_instruments(
     return recording, findings
 
 
+def _check_motion(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[QualityFinding]]:
+    """Return the recording without short whiles of motion, and when they were."""
+    rows = moved_rows(recording)
+    if not rows.any() or motion_of(recording):
+        return recording, []
+    edges = np.flatnonzero(np.diff(np.r_[False, rows, False]))
+    time = recording.time
+    times = ', '.join(
+        f'{time[first]:.0f} … {time[stop - 1]:.0f} s'
+        for first, stop in edges.reshape(-1, 2).tolist()
+    )
+    text = f'run {run}: the device was moved at {times} and may have stood otherwise afterwards'
+    for sensor in SENSOR_FIELDS:
+        recording = _without(recording, sensor, rows)
+    return recording, [QualityFinding('moved', 'all', int(rows.sum()), text)]
+
+
 def _check_orientation(
     recording: ImuRecording, run: str
 ) -> tuple[ImuRecording, list[QualityFinding]]:
@@ -315,7 +335,11 @@ def _check_orientation(
     if last == count - 1:
         rows[first * window :] = True
     name = _up_name(int(up[first]))
-    text = f'run {run}: {name} points up instead of {_up_name(int(usual))} in {rows.sum()} rows'
+    from_time, to_time = recording.time[rows][[0, -1]]
+    text = (
+        f'run {run}: {name} points up instead of {_up_name(int(usual))} from {from_time:.0f} to '
+        f'{to_time:.0f} s, in {rows.sum()} rows'
+    )
     for sensor in ('accelerometer', 'magnetometer'):
         recording = _without(recording, sensor, rows)
     finding = QualityFinding('orientation_flip', 'accelerometer', int(rows.sum()), text)

@@ -10,12 +10,14 @@ from the spectrum by Whittle's likelihood.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
+from scipy.interpolate import CubicSpline
 
 from thermal_comp.data.conditions import Conditions
 
@@ -25,6 +27,16 @@ LEAST_ROWS = 8
 """Rows of a piece between gaps, below which it stays as it was measured."""
 MARGIN_WIDTHS = 8.0
 """Length of the mirror image at either end, in widths: what lies beyond changes nothing."""
+LONGEST_TURN = 6.0
+"""Time a reading is held at a turn, over that before or after, up to which a parabola turns there:
+one whose top just reaches the next count has 5; what is held for longer is a dwell."""
+LARGEST_STEP = 1.5
+"""Size of a step, in counts, below which it is one count."""
+MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
+"""Rows between two readings that are written into every row, at most, and share of the changes
+that come after whole numbers of them."""
+LEAST_TURN_ROWS = 10
+"""Rows a reading is held, at least, at each of several turns in a row: noise turns faster."""
 LONG_GAP_STEPS = 20.0
 """Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
@@ -49,12 +61,130 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
     longest = max(pieces, key=len)
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
         return temperature
-    width = _width(temperature[longest], step)
     smoothed = temperature.copy()
     for rows in pieces:
+        smoothed[rows] = _between_steps(temperature[rows])
+    width = _width(smoothed[longest], step)
+    for rows in pieces:
         if len(rows) >= LEAST_ROWS:
-            smoothed[rows] = _spline(temperature[rows], width / step)
+            smoothed[rows] = _spline(smoothed[rows], width / step)
     return smoothed
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Readings that are held for several rows, and the steps between them."""
+
+    first: IntArray
+    """(h,) first row of each reading that is held …"""
+    last: IntArray
+    """(h,) … and last one."""
+    at: FloatArray
+    """(h − 1,) place of the steps between them [rows]."""
+    low: FloatArray
+    """(h − 1,) reading before each step …"""
+    high: FloatArray
+    """(h − 1,) … and after it."""
+    adjacent: NDArray[np.bool_]
+    """(h − 1,) whether the readings meet in one row and are one count apart."""
+
+    @classmethod
+    def of(cls, values: FloatArray) -> _Steps:
+        """Return those of readings (n,); a row that is a mean over a step says where it is."""
+        last = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)
+        first = np.append(0, last[:-1] + 1)
+        held = (last > first) & (not _is_read_seldom(last[:-1]))
+        between = np.diff(np.flatnonzero(held)) - 1
+        first, last = first[held], last[held]
+        low, high = values[first[:-1]], values[first[1:]]
+        row = values[np.minimum(last[:-1] + 1, len(values) - 1)]
+        share = np.clip((high - row) / np.where(high == low, 1.0, high - low), 0.0, 1.0)
+        step, adjacent = np.abs(high - low), between <= 1
+        count = step[adjacent & (step > 0.0)].min(initial=np.inf)
+        # A reading that is held while several counts go by was not read in between.
+        adjacent &= step < LARGEST_STEP * count
+        at = last[:-1] + 0.5 + np.where(adjacent, between * share, 0.5 * between)
+        return cls(first, last, at, low, high, adjacent)
+
+    @property
+    def _onward(self) -> FloatArray:
+        """(h + 2,) > 0 between steps of one direction, < 0 at a turn; 0 elsewhere and outside."""
+        way = np.where(self.adjacent, np.sign(self.high - self.low), 0.0)
+        return np.pad(way[1:] * way[:-1], 2)
+
+    @property
+    def onward(self) -> NDArray[np.bool_]:
+        """(h,) whether a reading is held between steps of one direction."""
+        found: NDArray[np.bool_] = self._onward[1:-1] > 0.0
+        return found
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(h,) whether the steps around tell the course while a reading is held.
+
+        They do between steps of one direction, and around a turn.
+        """
+        before, here, after = self._onward[:-2], self._onward[1:-1], self._onward[2:]
+        length = np.diff(self.at, prepend=-np.inf, append=np.inf)
+        beside = np.pad(length[:-1], (1, 0)), np.pad(length[1:], (0, 1))
+        slow = np.minimum(length, np.minimum(*beside)) >= LEAST_TURN_ROWS
+        turn = (here < 0.0) & (((before > 0.0) & (after > 0.0)) | slow)
+        return self.onward | (turn & (length < LONGEST_TURN * np.maximum(*beside)))
+
+    @property
+    def size(self) -> FloatArray:
+        """(h,) size of the larger step beside each reading [K]; 0 where none is adjacent."""
+        steps = np.where(self.adjacent, np.abs(self.high - self.low), 0.0)
+        return np.maximum(np.pad(steps, (1, 0)), np.pad(steps, (0, 1)))
+
+
+def _is_read_seldom(changes: IntArray) -> bool:
+    """Tell whether a reading changes every so many rows only: it was not read in between."""
+    apart = np.diff(changes)
+    periods = np.arange(2, MOST_ROWS_A_READING + 1)
+    if not len(apart):
+        return False
+    return bool(((apart % periods[:, None]) == 0).mean(axis=1).max() > ON_TIME_SHARE)
+
+
+def _between_steps(values: FloatArray) -> FloatArray:
+    """Return (n,) values with a smooth course in place of the steps of a coarse thermometer.
+
+    Where a reading goes from one count to the next, the temperature is half-way between them: a
+    cubic spline through these instants takes the place of readings that are held. Where steps go
+    back and forth, noise and the mean of the counts tell what is between; in a dwell nothing does.
+    """
+    steps = _Steps.of(values)
+    course = values.copy()
+    if not len(steps.at):
+        return course
+    half = 0.5 * steps.size
+    for known in np.split(np.arange(len(steps.at)), np.flatnonzero(~steps.known[1:-1]) + 1):
+        if len(known) > 1:
+            at = steps.at[known]
+            rows = np.arange(int(np.ceil(at[0])), int(np.floor(at[-1])) + 1)
+            middle = CubicSpline(at, 0.5 * (steps.low[known] + steps.high[known]))(rows)
+            held = known[0] + 1 + np.clip(np.searchsorted(at, rows) - 1, 0, len(at) - 2)
+            level = steps.high[held - 1]
+            course[rows] = np.clip(middle, level - half[held], level + half[held])
+    return course
+
+
+def held_readings(conditions: Conditions, longest: float, count: int) -> list[tuple[slice, float]]:
+    """Return where a coarse thermometer says little, and its step there [K].
+
+    They are the first and the last reading that is held, beyond which nothing is known, and
+    `count` of more than `longest` seconds: those at turns, then the longest, as the steps around
+    tell the temperature's course the better the closer they are.
+    """
+    steps = _Steps.of(conditions.temperature)
+    length = conditions.time[steps.last] - conditions.time[steps.first]
+    if len(length):
+        length[[0, -1]] = np.inf
+    found = np.flatnonzero((steps.size > 0.0) & (length > longest))
+    order = np.lexsort([-length[found], steps.onward[found] & np.isfinite(length[found])])
+    places = found[order][: count + 2]
+    return [(slice(steps.first[k], steps.last[k] + 1), float(steps.size[k])) for k in places]
 
 
 def _spline(values: FloatArray, width: float) -> FloatArray:

@@ -175,6 +175,18 @@ _LISTED = (
         'REP-145 (orientation of an IMU at rest)',
     ),
     FindingExplanation(
+        'moved',
+        'The device was moved for a short while.',
+        'data_quality',
+        'three seconds and more in which specific force is 5 % of gravity off the minute around '
+        'them, or the field is turned by ten degrees as the gyroscope says',
+        'It was picked up, knocked over or carried; afterwards it may stand otherwise, so that '
+        'every level is another one.',
+        'A knock lasts for less; a step of the sensor itself comes without motion.',
+        'give what is before and after as recordings of their own (import --from, --to)',
+        'REP-145 (an IMU at rest shows gravity)',
+    ),
+    FindingExplanation(
         'unit_mismatch',
         'One sensor is logged in another unit than the rest, or than SI.',
         'data_quality',

@@ -11,6 +11,7 @@ import numpy as np
 from thermal_comp.comparison.compare import (
     Comparison,
     compare_prepared,
+    rms_of,
 )
 from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
@@ -70,7 +71,25 @@ def add_effect(
     listed = _base(runs, model)
     chosen = _forms_by_sensor(runs, listed, noise, name, settings, sensors)
     growth = _with_effects(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
-    return _with_checks(growth, runs, noise) if judged else growth
+    if not judged:
+        return growth
+    growth = _with_checks(growth, runs, noise)
+    return replace(growth, worse=(*growth.worse, *_raised_by(growth)))
+
+
+def _raised_by(growth: Growth) -> list[str]:
+    """Return a sentence per sensor whose held-out error the last effect raises."""
+    last = growth.steps[-1]
+    found = []
+    for sensor in last.sensors:
+        before, after = growth.before.sensors[sensor], growth.after.sensors[sensor]
+        if raised(before, after):
+            ratio = rms_of(after.held_out_rms) / rms_of(before.held_out_rms)
+            found.append(
+                f'{sensor}: the error on held-out parts is {ratio:.2f} times that without '
+                f'{last.added}'
+            )
+    return found
 
 
 def grow(

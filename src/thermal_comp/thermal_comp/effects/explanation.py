@@ -57,7 +57,7 @@ def explanation_text(effect: type[Effect]) -> str:
     told = explanation(effect)
     rows = [
         ('equation', told['equation']),
-        ('coefficients', ', '.join(dict.fromkeys(effect.coefficient_units))),
+        ('coefficients', '; '.join(_coefficient_lines(told))),
         ('parameters', '; '.join(_parameter_lines(told)) or 'none'),
         ('acts on', f'{", ".join(told["sensors"])} ({told["kind"]} effect)'),
         ('needs', needed_channels(told) or 'nothing beyond temperature and time'),
@@ -69,6 +69,14 @@ def explanation_text(effect: type[Effect]) -> str:
     ]
     head = f'{told["name"]}: {told["summary"]}'
     return '\n'.join([head, *(f'  {label:<13}{text}' for label, text in rows if text)])
+
+
+def _coefficient_lines(told: Mapping[str, Any]) -> list[str]:
+    """Return the units of the coefficients, each with the sensors that have them."""
+    return [
+        f'{", ".join(dict.fromkeys(units[sensor] for units in told["coefficients"]))} ({sensor})'
+        for sensor in told['sensors']
+    ]
 
 
 def needed_channels(told: Mapping[str, Any]) -> str:

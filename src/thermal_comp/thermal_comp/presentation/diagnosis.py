@@ -24,7 +24,7 @@ VERDICTS = {
     'unexplained': 'something is missing that no effect of the catalogue explains',
     'unlogged': 'something acts that was not logged',
     'noise_above_reference': 'nothing is missing, but the noise is higher than the reference',
-    'data_quality': 'the data have defects; they were left out of what follows',
+    'data_quality': 'the data have defects; rows that are wrong were left out of what follows',
 }
 """Verdicts in words."""
 DEFECT_REMEDIES = {
@@ -33,6 +33,7 @@ DEFECT_REMEDIES = {
     'spikes': 'check bus and cable',
     'startup_transient': 'nothing: the first rows are cut',
     'orientation_flip': 'split the recording where the device was turned',
+    'moved': 'give what is before and after as recordings of their own (import --from, --to)',
     'unit_mismatch': 'convert to SI units before',
     'impossible_statistic': 'check what was logged',
     'thermometer_missing': 'find out why the driver sends no temperature there',
@@ -269,7 +270,8 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
         add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
         rivals = finding['ambiguous_with']
         if rivals:
-            return [add, f'or separate them first: next-experiment {name} {rivals[0]}']
+            separate = f'next-experiment {name} {rivals[0]} --model MODEL -o plan.yaml'
+            return [add, f'or separate them first: python -m imu_workbench {separate}']
         return [add]
     if kind == 'unlogged':
         return [f'log {", ".join(topics_to_log(variable, EFFECTS))} and record again']

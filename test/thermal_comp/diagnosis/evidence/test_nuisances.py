@@ -10,6 +10,8 @@ import pytest
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors
 
+from imu_recording import ImuRecording
+
 from ...campaign import PERIOD, SLOPES, chamber, lagging, measured_by, run
 from ..one_run import behind, lagging_gyroscope, searched
 
@@ -74,3 +76,24 @@ def test_what_a_better_thermometer_beside_it_tells_is_no_gradient() -> None:
     campaign = [replace(plain, temperature=read, device_temperature=die)]
     diagnosis = diagnose(measured_by(campaign, 'accelerometer'))
     assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
+
+
+@pytest.mark.parametrize('count', [0.1, 0.25, 0.5])
+def test_the_steps_of_a_coarse_thermometer_are_no_effect(count: float) -> None:
+    time = np.arange(0.0, 1200.0, 0.1)
+    die = 22.0 + 14.0 * (1.0 - np.exp(-time / 240.0)) + 2.0 * np.sin(2.0 * np.pi * time / 400.0)
+    rng = np.random.default_rng(4)
+    force = 0.04 * (die - 20.0)[:, None] * [1.0, -0.8, 0.6] + [0.0, 0.0, 9.81]
+    recording = ImuRecording(
+        stamp=np.round(time * 1e9).astype(np.int64),
+        temperature=count * np.round(die / count),
+        linear_acceleration=force + 2e-3 * rng.standard_normal(force.shape),
+        angular_velocity=1e-4 * rng.standard_normal(force.shape),
+        magnetic_field=np.full_like(force, np.nan),
+        device='board',
+        up_axis='+z',
+    )
+    diagnosis = diagnose([recording])
+    assert diagnosis.verdict == 'complete'
+    assert diagnosis.explanations[0].names == ()
+    assert diagnosis.explanations[0].probability > 0.8

@@ -52,7 +52,7 @@ class SensorHypotheses:
         self.design = design
         self.thermometer = thermometer_errors(design, response)
         """Columns of what an error of the thermometer does."""
-        self.nuisances = nuisance_priors(design, self.thermometer)
+        self.nuisances = nuisance_priors(design, self.thermometer, response)
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer."""
         self.families = _visible(design, families(design, catalogue))
@@ -170,6 +170,18 @@ class SensorHypotheses:
             - self.log_prior(1)
         )
         return 2.0 * float(odds)
+
+    def log_odds_of_twin(self, components: Sequence[Component], share: float) -> float:
+        """Return ln of the odds that the flaws of two twins make up a share of what one explains.
+
+        A thermometer that lags by t shows T where T + t dT/dt is true, so that a rate changes by
+        t d²T/dt²: each alternative of its lag beside the components has its share of the odds.
+        """
+        rate, bend = np.maximum(self.design.size_of(self.thermometer)[:2], 1e-300)
+        each = [ln + self.joint(components, some)[0] for ln, some in self.nuisances]
+        lags = [some[0].deviation[0] / rate for _, some in self.nuisances]
+        odds = [priors.log_odds_of_twin(share, float(lag * bend / rate)) for lag in lags]
+        return log_sum(np.add(each, odds)) - log_sum(each)
 
     def log_prior(self, effects: int) -> float:
         """Return ln of the prior of a set of so many effects, which are all equally likely."""

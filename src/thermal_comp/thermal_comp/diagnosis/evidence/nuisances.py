@@ -14,6 +14,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.smoothing import held_readings
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -29,14 +30,22 @@ With time constants from a share s of a run of length T on, slow noise has a ban
 which 2 T / (2π s T) = 1/(π s) ≈ 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
 fifths of what such noise has beyond its corner lie below twice the band: 24. The variance of slow
 noise is estimated from them alone in a single run, from all runs in several."""
+LEAST_HELD_BLOCKS, MOST_HELD = 3.0, 6
+"""Blocks for which a reading is held, at least, and number of such stretches of a run."""
+HELD_TERMS = 3
+"""Coefficients of a stretch."""
 COVARIANCE_INSTANTS = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
 
 def nuisance_priors(
-    design: CandidateDesign, thermometer: ColumnGroup
+    design: CandidateDesign, thermometer: ColumnGroup, response: Response | None = None
 ) -> list[tuple[float, list[CoefficientPrior]]]:
-    """Return what is allowed for beside any hypothesis, in alternatives with ln probabilities."""
+    """Return what is allowed for beside any hypothesis, in alternatives with ln probabilities.
+
+    The first of each is the thermometer's errors.
+    """
+    unread = _between_counts(design, response)
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
@@ -45,11 +54,36 @@ def nuisance_priors(
     ):
         deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
+        allowed += unread
         if excess > 0.0:
             deviation = np.sqrt(excess) * size
             allowed.append(CoefficientPrior(slow.columns, shared=False, deviation=deviation))
         alternatives.append((float(np.log(noisy * slack)), allowed))
     return alternatives
+
+
+def _between_counts(design: CandidateDesign, response: Response | None) -> list[CoefficientPrior]:
+    """Return what a coarse thermometer does not say while it holds a reading; [] for a fine one.
+
+    A level, a line and a parabola, each as large as the error of rounding, q/√12.
+    """
+    response = response or TemperatureSlope.of(design).response
+    runs = design.source.runs
+
+    def errors(run: PreparedRun) -> FloatArray:
+        conditions = run.conditions
+        held = held_readings(conditions, LEAST_HELD_BLOCKS * run.period, MOST_HELD)
+        columns = np.zeros((len(conditions.time), HELD_TERMS * len(held)))
+        for k, (rows, step) in enumerate(held):
+            share = np.linspace(-1.0, 1.0, rows.stop - rows.start)
+            terms = np.polynomial.legendre.legvander(share, HELD_TERMS - 1)
+            columns[rows, HELD_TERMS * k : HELD_TERMS * (k + 1)] = step / np.sqrt(12.0) * terms
+        return response(run, columns) if held else np.zeros((len(run), 3, 0))
+
+    term = design.generic_terms([(errors, True)], runs=runs)[0]
+    if not term.columns:
+        return []
+    return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
 
 
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:

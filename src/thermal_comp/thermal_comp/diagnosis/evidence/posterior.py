@@ -9,7 +9,6 @@ from itertools import combinations
 
 import numpy as np
 
-from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.common_mode import coherence
 from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
@@ -162,7 +161,7 @@ def _as_twins(
                 share = float(np.sqrt(better.explained - some.explained))
                 share /= max(explained_by_equations(hypotheses, some), 1.0)
                 change = better.log_posterior - better.log_prior + some.log_prior
-                change += priors.log_odds_of_twin(share) - some.log_posterior
+                change += hypotheses.log_odds_of_twin(some.components, share) - some.log_posterior
                 found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
     return found
 

@@ -146,12 +146,14 @@ def flaw_log_prior(
     return np.asarray(np.log(np.maximum(np.diff(below), 1e-300)))
 
 
-def log_odds_of_twin(share: float) -> float:
+def log_odds_of_twin(share: float, lagging: float = 0.0) -> float:
     """Return ln of the odds that the flaws of two twins make up what one explains better.
 
-    `share` is √Δχ² by which it is better over √Δχ² that is explained.
+    `share` is √Δχ² by which it is better over √Δχ² that is explained; `lagging` is the share by
+    which a column changes where the thermometer lags.
     """
-    return float(log_ndtr(-np.log(max(share, 1e-9) / TWIN_SHARE) / TWIN_SHARE_LN))
+    median = float(np.hypot(TWIN_SHARE, lagging))
+    return float(log_ndtr(-np.log(max(share, 1e-9) / median) / TWIN_SHARE_LN))
 
 
 def unnamed_over_time() -> tuple[float, float]:
