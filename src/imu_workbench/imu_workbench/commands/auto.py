@@ -69,7 +69,10 @@ def run(options: argparse.Namespace) -> Answer:
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
         'model': None if code else str(options.output),
     }
-    lines = [*defect_lines(defects), growth_text(content), f'after that: {verdict_line(left)}']
+    verdict = f'after that: {verdict_line(left)}'
+    if left['verdict'] == 'changed':
+        verdict = f'{verdict_line(left)}; the coefficients here are fitted anew'
+    lines = [*defect_lines(defects), growth_text(content), verdict]
     lines += undecided_lines(content['undecided'])
     return Answer(content, '\n'.join([*lines, saved]), code)
 

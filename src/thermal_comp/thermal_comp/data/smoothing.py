@@ -140,11 +140,12 @@ class _Steps:
 
 def _is_read_seldom(changes: IntArray) -> bool:
     """Tell whether a reading changes every so many rows only: it was not read in between."""
-    apart = np.diff(changes)
-    periods = np.arange(2, MOST_ROWS_A_READING + 1)
+    apart, counts = np.unique(np.diff(changes), return_counts=True)
     if not len(apart):
         return False
-    return bool(((apart % periods[:, None]) == 0).mean(axis=1).max() > ON_TIME_SHARE)
+    periods = np.arange(2, MOST_ROWS_A_READING + 1)
+    on_time = (apart % periods[:, None] == 0) @ counts
+    return bool(on_time.max() > ON_TIME_SHARE * counts.sum())
 
 
 def _between_steps(values: FloatArray) -> FloatArray:

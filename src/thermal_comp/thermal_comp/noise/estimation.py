@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from imu_recording.recording import FloatArray
 from scipy.linalg import pinvh
 from scipy.stats import chi2
 
@@ -75,7 +76,7 @@ def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedMod
     acting: list[str] = []
     while logged:
         model = SaturatedModel((*air, *acting))
-        chance = [_chance(runs, sensor, noise, model, channel) for channel in logged]
+        chance = _chances(runs, sensor, noise, model, logged)
         best = int(np.argmin(chance))
         if chance[best] > CHANNEL_SIGNIFICANCE:
             break
@@ -83,29 +84,30 @@ def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedMod
     return SaturatedModel((*air, *sorted(acting)))
 
 
-def _chance(
+def _chances(
     runs: Sequence[PreparedRun],
     sensor: Sensor,
     noise: NoiseModel,
     model: SaturatedModel,
-    channel: str,
-) -> float:
-    """Return the probability that a channel which does not act explains as much beside a model."""
-    explained, count = 0.0, 0
+    channels: Sequence[str],
+) -> FloatArray:
+    """Return the probability that channels which do not act explain as much beside a model."""
+    explained, count = np.zeros((2, len(channels)))
     for run in runs:
         valid = run.valid(sensor)
         if valid.sum() < LEAST_BLOCKS:
             continue
         known = basis_of_rows(run, valid, model, {})
-        columns = orthonormal(channel_columns(run, channel)[valid])
-        left = project_out(known, columns)
-        new = orthonormal(left[:, np.linalg.norm(left, axis=0) > LEAST_NEW_LENGTH])
-        for axis in range(3 if new.shape[1] else 0):
-            coefficients = new.T @ run.measured[sensor][valid, axis]
-            covariance = new.T @ noise_product(noise, run, axis, new, valid)
-            explained += float(coefficients @ pinvh(covariance) @ coefficients)
-            count += new.shape[1]
-    return float(chi2.sf(explained, count)) if count else 1.0
+        for place, channel in enumerate(channels):
+            columns = orthonormal(channel_columns(run, channel)[valid])
+            left = project_out(known, columns)
+            new = orthonormal(left[:, np.linalg.norm(left, axis=0) > LEAST_NEW_LENGTH])
+            for axis in range(3 if new.shape[1] else 0):
+                coefficients = new.T @ run.measured[sensor][valid, axis]
+                covariance = new.T @ noise_product(noise, run, axis, new, valid)
+                explained[place] += coefficients @ pinvh(covariance) @ coefficients
+                count[place] += new.shape[1]
+    return np.where(count > 0.0, chi2.sf(explained, np.maximum(count, 1.0)), 1.0)
 
 
 def _noise_beside(

@@ -206,12 +206,13 @@ def _greyed_lines(greyed: Mapping[str, str]) -> list[str]:
 
 
 def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
-    known = finding['probability']
-    weight = '' if known is None else f'probability {percent(known)}, '
-    weight += f'evidence {finding["evidence"]:.0f}'
-    if finding['threshold'] > 0.0:
-        weight += f', needed {finding["threshold"]:.0f}'
-    lines = [f'  {finding["text"]} ({weight})']
+    known, weights = finding['probability'], []
+    if known is not None:
+        weights.append(f'probability {percent(known)}')
+    if known is None or finding['evidence'] > 0.0:  # what has no name has no equation to weigh
+        weights.append(f'evidence {finding["evidence"]:.0f}')
+        weights += [f'needed {finding["threshold"]:.0f}'] * (finding['threshold'] > 0.0)
+    lines = [f'  {finding["text"]} ({", ".join(weights)})']
     sensor = finding['sensor'].split('+')[0]
     if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
         unit = DISPLAY_UNITS[sensor]
