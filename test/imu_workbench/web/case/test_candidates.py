@@ -23,7 +23,7 @@ def test_candidates_are_ranked_and_say_why_not(fitted, found):
     assert own[0].error_after == found['diagnosis']['findings'][0]['error_after']
     gradient = next(c for c in own if c.effect == 'thermal_gradient')
     assert why_not(own[0], own[0], before) == ''
-    assert 'thermal lag 0.000686' in why_not(gradient, own[0], before)
+    assert 'thermal lag 0.000685' in why_not(gradient, own[0], before)
     assert 'more than a million times less probable' in why_not(gradient, own[0], before)
     assert gradient.error_after > 1.5 * own[0].error_after
     nothing = [c for c in candidates(found, 'gyroscope') if c.error_after is not None]

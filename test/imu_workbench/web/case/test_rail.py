@@ -46,8 +46,8 @@ def test_single_effects_compete_and_need_no_word() -> None:
 
 def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
     html = errors_html(EffectCandidate(**found['candidates']['accelerometer'][0]), fitted.line)
-    assert '0.00574 → <b>0.000686</b> m/s² (1.00 ×)' in html
-    assert 'floor 0.000687' in html
+    assert '0.00574 → <b>0.000685</b> m/s² (0.99 ×)' in html
+    assert 'floor 0.000693' in html
     assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
         '< 1 %', '60 %', '',
     )  # fmt: skip
