@@ -34,8 +34,8 @@ def device_of(runs: Sequence[PreparedRun], *, pooled: bool = False) -> str:
         names = ', '.join(device or '(not named)' for device in devices)
         raise ModelError(
             f'the recordings are of several devices: {names}; '
-            'give those of one at a time, name one device that has several names alike (import '
-            '--device NAME), or fit all together: fit --pooled'
+            'fit each by itself, give one device one name (import --device NAME), or fit all '
+            'together (fit --pooled)'
         )
     return '+'.join(devices)
 
