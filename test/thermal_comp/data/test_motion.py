@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data.motion import MovingError, motion_of, refuse_moving, resting
+from thermal_comp.data.motion import MovingError, motion_of, moved_rows, refuse_moving, resting
 from thermal_comp.data.quality import check_recording
 
 from imu_recording import ImuRecording
@@ -69,6 +69,15 @@ def test_a_device_at_rest_does_not_move_whatever_its_data_suffer() -> None:
         {'magnetic_field': np.full((len(still), 3), np.nan)},
     ):
         assert motion_of(replace(still, **values)) == '', list(values)
+
+
+def test_a_recording_too_short_to_show_motion_rests() -> None:
+    still = run(cycles=1, seed=1)
+    for rows in (0, 2):
+        short = still.rows(slice(0, rows))
+        assert not motion_of(short)
+        assert len(moved_rows(short)) == rows
+        assert not moved_rows(short).any()
 
 
 def test_a_device_that_is_picked_up_is_left_out_while_it_moves() -> None:

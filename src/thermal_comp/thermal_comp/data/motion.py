@@ -43,7 +43,7 @@ def motion_of(recording: ImuRecording) -> str:
     slower than that, noise and vibration are smaller.
     """
     seconds = _Seconds.of(recording)
-    if seconds.moves.sum() < max(LEAST_MOVING_SECONDS, LEAST_MOVING_SHARE * len(seconds.moves)):
+    if not seconds.is_carried:
         return ''
     fastest = np.degrees(seconds.rate.max())
     turned_by = f', turned by up to {fastest:.0f} °/s' if fastest >= 1.0 else ''
@@ -51,12 +51,16 @@ def motion_of(recording: ImuRecording) -> str:
 
 
 def moved_rows(recording: ImuRecording) -> NDArray[np.bool_]:
-    """Return the (n,) rows from the first to the last second of each short while of motion."""
+    """Return the (n,) rows from the first to the last second of each short while of motion.
+
+    None where the device moves for longer: then nothing shows its temperature error.
+    """
     seconds, rows = _Seconds.of(recording), np.zeros(len(recording), dtype=bool)
     places = np.flatnonzero(seconds.moves)
-    if len(places) >= LEAST_MOVING_SECONDS:
-        for some in np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1):
-            rows[seconds.starts[some[0]] : seconds.starts[some[-1] + 1]] = True
+    if len(places) < LEAST_MOVING_SECONDS or seconds.is_carried:
+        return rows
+    for some in np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1):
+        rows[seconds.starts[some[0]] : seconds.starts[some[-1] + 1]] = True
     return rows
 
 
@@ -71,8 +75,17 @@ class _Seconds:
     rate: FloatArray
     """(m,) change of the angular velocity [rad/s]."""
 
+    @property
+    def is_carried(self) -> bool:
+        """Whether the device moves for more than a short while."""
+        share = LEAST_MOVING_SHARE * len(self.moves)
+        return bool(self.moves.sum() >= max(LEAST_MOVING_SECONDS, share))
+
     @classmethod
     def of(cls, recording: ImuRecording) -> _Seconds:
+        """Return those of a recording, none of one too short to show motion."""
+        if len(recording) < LEAST_MOVING_SECONDS:
+            return cls(np.zeros(1, np.int64), np.zeros(0, bool), np.zeros(0))
         second = (recording.stamp - recording.stamp[0]) // SECOND_NS
         starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
         starts = starts.astype(np.int64)

@@ -23,7 +23,7 @@ from thermal_comp.data.defective_rows import (
     stuck_rows,
     temperature_spikes,
 )
-from thermal_comp.data.motion import motion_of, moved_rows
+from thermal_comp.data.motion import moved_rows
 from thermal_comp.data.startup import startup_rows
 from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 
@@ -292,7 +292,7 @@ def _check_instruments(
 def _check_motion(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[QualityFinding]]:
     """Return the recording without short whiles of motion, and when they were."""
     rows = moved_rows(recording)
-    if not rows.any() or motion_of(recording):
+    if not rows.any():
         return recording, []
     edges = np.flatnonzero(np.diff(np.r_[False, rows, False]))
     time = recording.time
