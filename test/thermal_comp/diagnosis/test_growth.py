@@ -11,7 +11,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis import growth
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.grown_model import Growth
-from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises
+from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises, raised_by
 from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.temperature_rate import TemperatureRate
@@ -141,6 +141,20 @@ def test_an_effect_that_spoils_one_axis_raises_the_error(grown: Growth) -> None:
     compared = replace(grown.after, sensors={**grown.after.sensors, SENSOR: spoilt})
     assert not held_out_error_rises(grown, [SENSOR])
     assert held_out_error_rises(replace(grown, after=compared), [SENSOR])
+
+
+def test_an_effect_that_raises_the_error_says_so_and_where(grown: Growth) -> None:
+    after = grown.after.sensors[SENSOR]
+    before = grown.before.sensors[SENSOR]
+    for ratio, said in ((1.01, 0), (1.3, 1)):
+        raised = replace(after, held_out_rms=ratio * before.held_out_rms)
+        compared = replace(grown.after, sensors={**grown.after.sensors, SENSOR: raised})
+        found = raised_by(replace(grown, after=compared))
+        assert len(found) == said
+    assert found == [
+        f'{SENSOR}: the error on held-out parts is 1.30 times that without {grown.steps[-1].added}'
+    ]
+    assert raised_by(grown) == []
 
 
 def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -139,7 +139,11 @@ class _Steps:
 
 
 def _is_read_seldom(changes: IntArray) -> bool:
-    """Tell whether a reading changes every so many rows only: it was not read in between."""
+    """Tell whether a reading changes every so many rows only: it was not read in between.
+
+    `held_temperature` of a recording finds the time of each measurement, from three rows a
+    measurement on; a step that is late by one row of two is no place of a spline either.
+    """
     apart, counts = np.unique(np.diff(changes), return_counts=True)
     if not len(apart):
         return False

@@ -74,10 +74,10 @@ def add_effect(
     if not judged:
         return growth
     growth = _with_checks(growth, runs, noise)
-    return replace(growth, worse=(*growth.worse, *_raised_by(growth)))
+    return replace(growth, worse=(*growth.worse, *raised_by(growth)))
 
 
-def _raised_by(growth: Growth) -> list[str]:
+def raised_by(growth: Growth) -> list[str]:
     """Return a sentence per sensor whose held-out error the last effect raises."""
     last = growth.steps[-1]
     found = []
