@@ -92,7 +92,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
     if device and model.device and device.casefold() not in map(str.casefold, known):
         raise ModelError(
             f'device: the model is of {model.device}, the data of {device}; '
-            'fit a model of that device, or several together with --pooled'
+            'fit a model of that device, or of several together (fit --pooled)'
         )
 
 
