@@ -74,7 +74,7 @@ def flip(
     turn[(up + 1) % 3] = 1.0
     for name in ('accelerometer', 'magnetometer'):
         values = _values(recording, name)
-        values[last:] *= turn
+        values[last:] += (turn - 1.0) * values.mean(axis=0)  # its errors stay as they are
         recording = _with(recording, name, values)
     return [recording if k == which else other for k, other in enumerate(recordings)]
 

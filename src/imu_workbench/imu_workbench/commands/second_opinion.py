@@ -17,7 +17,7 @@ from imu_recording.user_error import UserError
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.motion import refuse_moving
-from thermal_comp.data.quality import check_recording
+from thermal_comp.data.quality import check_motion, check_recording
 from thermal_comp.presentation.display import shown
 from thermal_comp.presentation.second_opinion import opinion_picture
 from thermal_comp.second_opinion.autopilot_fit import AUTOPILOT_FITS, Autopilot
@@ -83,7 +83,10 @@ def run(options: argparse.Namespace) -> Answer:
     for name, recording, own in _imus(options):
         show_progress(f'{name}: fitting …')
         autopilot = options.autopilot or own
-        clean, defects = check_recording(admitted(recording, options.accept), name)
+        parts, defects = check_motion(admitted(recording, options.accept), name)
+        longest = max(parts, key=lambda part: np.isfinite(part.linear_acceleration).sum())
+        clean, found = check_recording(longest, name)
+        defects += found
         refuse_moving(clean)
         try:
             opinion = second_opinion(clean, autopilot, seed=options.seed)

@@ -79,7 +79,8 @@ def fine_rows(
 
 def _bad_rows(recording: ImuRecording) -> list[str]:
     """Return notes on the rows without a finite value."""
-    notes = []
+    notes: list[str] = []
+    without: dict[int, list[str]] = {}
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
         # One value that is not finite makes the sum so.
@@ -88,7 +89,11 @@ def _bad_rows(recording: ImuRecording) -> list[str]:
         if bad == len(recording):
             notes.append(f'no {sensor} value')
         elif bad:
-            notes.append(f'{bad} of {len(recording)} rows without a finite {sensor} value')
+            without.setdefault(bad, []).append(sensor)
+    notes += [
+        f'{bad} of {len(recording)} rows without a finite {", ".join(sensors)} value'
+        for bad, sensors in without.items()
+    ]
     bad = int((~np.isfinite(recording.temperature)).sum())
     if bad:
         notes.append(f'{bad} of {len(recording)} rows without a die temperature left out')

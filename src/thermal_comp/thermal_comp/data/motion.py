@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from imu_recording.recording import SECOND_NS, FloatArray, ImuRecording, IntArray
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from thermal_comp.data.binning import bin_means
 
@@ -30,6 +31,13 @@ LEAST_MOVING_SHARE = 0.03
 """Share of seconds with motion from which a recording is of a moving device; one turn is less."""
 LEAST_MOVING_SECONDS = 3
 """Least number of such seconds."""
+TURN_MEANS = 5
+"""Means within which what is usual steps when the device is put down in another attitude."""
+LARGEST_NORM_SHARE = 0.5
+"""Change of the norm, as a share of a step, from which a step is no turn but a sensor's own."""
+
+Span: TypeAlias = tuple[int, int]
+"""First row, and the one after the last."""
 
 
 class MovingError(UserError):
@@ -50,18 +58,20 @@ def motion_of(recording: ImuRecording) -> str:
     return f'the device moves in {seconds.moves.mean():.0%} of the time{turned_by}'
 
 
-def moved_rows(recording: ImuRecording) -> NDArray[np.bool_]:
-    """Return the (n,) rows from the first to the last second of each short while of motion.
+def moved_spans(recording: ImuRecording) -> list[Span]:
+    """Return first row and stop of each short while of motion and of each lasting turn.
 
     None where the device moves for longer: then nothing shows its temperature error.
     """
-    seconds, rows = _Seconds.of(recording), np.zeros(len(recording), dtype=bool)
-    places = np.flatnonzero(seconds.moves)
-    if len(places) < LEAST_MOVING_SECONDS or seconds.is_carried:
-        return rows
-    for some in np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1):
-        rows[seconds.starts[some[0]] : seconds.starts[some[-1] + 1]] = True
-    return rows
+    seconds = _Seconds.of(recording)
+    if seconds.is_carried:
+        return []
+    moves = seconds.moves if seconds.moves.sum() >= LEAST_MOVING_SECONDS else seconds.turns
+    places = np.flatnonzero(moves | seconds.turns)
+    if not len(places):
+        return []
+    whiles = np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1)
+    return [(int(seconds.starts[some[0]]), int(seconds.starts[some[-1] + 1])) for some in whiles]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +82,8 @@ class _Seconds:
     """(m + 1,) first row of each, and the number of rows."""
     moves: NDArray[np.bool_]
     """(m,)."""
+    turns: NDArray[np.bool_]
+    """(m,) those beside a change of attitude that lasts."""
     rate: FloatArray
     """(m,) change of the angular velocity [rad/s]."""
 
@@ -85,19 +97,68 @@ class _Seconds:
     def of(cls, recording: ImuRecording) -> _Seconds:
         """Return those of a recording, none of one too short to show motion."""
         if len(recording) < LEAST_MOVING_SECONDS:
-            return cls(np.zeros(1, np.int64), np.zeros(0, bool), np.zeros(0))
+            none = np.zeros(0, bool)
+            return cls(np.zeros(1, np.int64), none, none, np.zeros(0))
         second = (recording.stamp - recording.stamp[0]) // SECOND_NS
         starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
         starts = starts.astype(np.int64)
-        force = bin_means(recording.linear_acceleration, starts)[0]
-        field = bin_means(recording.magnetic_field, starts)[0]
-        rate = _distance_from_median(bin_means(recording.angular_velocity, starts)[0])
-        turned = _distance_from_median(field) > LEAST_FIELD_CHANGE * _usual_norm(field)
-        turned &= rate > LEAST_TURN_RATE
-        moves = (_distance_from_median(force) > LEAST_FORCE_CHANGE * _usual_norm(force)) | turned
+        force = _Means.of(recording.linear_acceleration, starts)
+        field = _Means.of(recording.magnetic_field, starts)
+        rate = _Means.of(recording.angular_velocity, starts).distance
+        is_turning = rate > LEAST_TURN_RATE
+        moves = force.distance > LEAST_FORCE_CHANGE * force.norm
+        moves |= (field.distance > LEAST_FIELD_CHANGE * field.norm) & is_turning
         # A single second is a spike; motion lasts longer.
         moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
-        return cls(starts, moves, rate)
+        time = (recording.stamp[starts[:-1]] - recording.stamp[0]) * 1e-9
+        turns = force.turns(LEAST_FORCE_CHANGE, time)
+        turns |= field.turns(LEAST_FIELD_CHANGE, time) & maximum_filter1d(is_turning, TURN_MEANS)
+        return cls(starts, moves, turns, rate)
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """Means of a vector over a second, and what is usual around them."""
+
+    usual: FloatArray
+    """(m, 3) running median over MEDIAN_WINDOW_S; it follows a step at once. NaN where unknown."""
+    distance: FloatArray
+    """(m,) how far each is from it; 0 where unknown."""
+    norm: float
+    """Median norm; infinite where nothing is known."""
+
+    @classmethod
+    def of(cls, values: FloatArray, starts: IntArray) -> _Means:
+        means = bin_means(values, starts)[0]
+        known = np.isfinite(means).all(axis=1)
+        usual, distance = np.full(means.shape, np.nan), np.zeros(len(means))
+        if not known.any():
+            return cls(usual, distance, float('inf'))
+        some = means[known]
+        size = min(MEDIAN_WINDOW_S, len(some))
+        usual[known] = median_filter(some, size=(size, 1), mode='nearest')
+        distance[known] = np.linalg.norm(some - usual[known], axis=1)
+        return cls(usual, distance, float(np.median(np.linalg.norm(some, axis=1))))
+
+    def turns(self, least: float, time: FloatArray) -> NDArray[np.bool_]:
+        """Return the (m,) means beside a step of what is usual by `least` of the norm.
+
+        A step over more than a minute (of bursts, and of slow sampling) may be temperature's,
+        unless another axis points up; one that changes the norm may be the sensor's own.
+        """
+        turns = np.zeros(len(time), dtype=bool)
+        known = np.flatnonzero(np.isfinite(self.usual).all(axis=1))
+        known = known[LEAST_MOVING_SECONDS:-LEAST_MOVING_SECONDS]  # a start or end is no turn
+        before, after = self.usual[known[:-TURN_MEANS]], self.usual[known[TURN_MEANS:]]
+        step = np.linalg.norm(after - before, axis=1)
+        norms = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+        soon = time[known[TURN_MEANS:]] - time[known[:-TURN_MEANS]] <= MEDIAN_WINDOW_S
+        other = np.abs(before).argmax(axis=1) != np.abs(after).argmax(axis=1)
+        other |= (before * after).sum(axis=1) < 0.0
+        found = (step > least * self.norm) & (soon | other)
+        found &= np.abs(norms[1] - norms[0]) < LARGEST_NORM_SHARE * step
+        turns[known[TURN_MEANS // 2 : -TURN_MEANS + TURN_MEANS // 2][found]] = True
+        return turns
 
 
 def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], list[str]]:
@@ -141,22 +202,3 @@ def _why(motion: str) -> str:
         'Record it resting; "python -m imu_workbench orient BAG --model MODEL" says what the '
         'error costs in motion'
     )
-
-
-def _distance_from_median(means: FloatArray) -> FloatArray:
-    """Return (m,) how far each mean (m, 3) is from the median around it; 0 where unknown."""
-    known = np.isfinite(means).all(axis=1)
-    distance = np.zeros(len(means))
-    if known.any():
-        values = means[known]
-        size = min(MEDIAN_WINDOW_S, len(values))
-        usual = np.column_stack([median_filter(c, size=size, mode='nearest') for c in values.T])
-        distance[known] = np.linalg.norm(values - usual, axis=1)
-    return distance
-
-
-def _usual_norm(means: FloatArray) -> float:
-    """Return the median norm; infinite where nothing is known."""
-    sizes = np.linalg.norm(means, axis=1)
-    known = np.isfinite(sizes)
-    return float(np.median(sizes[known])) if known.any() else float('inf')

@@ -32,6 +32,7 @@ from thermal_comp.data.fine_rows import (
     measured_temperature,
     without_cycle_ends,
 )
+from thermal_comp.data.parts_at_rest import parts_at_rest
 from thermal_comp.data.prepared_run import PreparedRun, ends_of_long_gaps
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
@@ -45,11 +46,15 @@ def prepare(
 ) -> list[PreparedRun]:
     """Return one prepared run per recording, start-up transients cut, gaps left out.
 
+    A recording of a device at rest that was moved or turned for a while is one run per part.
+
     `period` is the length of the blocks [s], 0 for the full rate; None: the longest run's
     `block_length`. `truth` gives the true inputs; None means a device at rest: gravity along
     `up_axis`, no rotation, the run's mean field.
     """
     names: dict[str, int] = {}
+    if truth is None:
+        recordings = [part for whole in recordings for part in parts_at_rest(whole).recordings]
     runs = [
         prepare_run(
             recording,

@@ -12,7 +12,6 @@ import numpy as np
 from imu_recording.logging_contract import SWITCHED_FIELDS
 from imu_recording.plausibility import POSSIBLE_RANGES, UNIT_FACTORS, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
-from numpy.typing import NDArray
 
 from thermal_comp.data.defective_rows import (
     BoolArray,
@@ -23,7 +22,7 @@ from thermal_comp.data.defective_rows import (
     stuck_rows,
     temperature_spikes,
 )
-from thermal_comp.data.motion import moved_rows
+from thermal_comp.data.parts_at_rest import parts_at_rest
 from thermal_comp.data.startup import startup_rows
 from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 
@@ -42,11 +41,6 @@ IMPLAUSIBLE_NORM_FACTOR = 5.0
 """Factor by which a norm outside that range is implausible, whatever the unit."""
 FOREIGN_NOISE_RATIO = 20.0
 """Ratio of a run's noise to that of the other runs from which its unit is another."""
-FLIP_WINDOW_S = 300.0
-"""Length of the means that tell which axis points up [s]."""
-STEADY_NORM_SHARE = 0.1
-"""Largest relative distance of their norm from the median, at rest."""
-
 Scale = tuple[float, float]
 """Norm of the median and median step of one sensor [its unit]."""
 
@@ -75,14 +69,30 @@ def check_quality(
     clean = []
     names = [recording.run or str(number) for number, recording in enumerate(recordings, 1)]
     for name, recording in zip(names, recordings, strict=True):
-        mended, found = check_recording(recording, name)
-        clean.append(mended)
+        parts, found = check_motion(recording, name)
         findings += found
+        for part in parts:
+            mended, found = check_recording(part, part.run or name)
+            clean.append(mended)
+            findings += found
+    names = [recording.run or str(number) for number, recording in enumerate(clean, 1)]
     for number, finding in wrong_units([scales_of(r) for r in clean], names, findings):
         rows = np.ones(len(clean[number]), dtype=bool)
         clean[number] = _without(clean[number], finding.sensor, rows)
         findings.append(replace(finding, rows=len(rows)))
     return clean, merged(findings)
+
+
+def check_motion(
+    recording: ImuRecording, run: str
+) -> tuple[Sequence[ImuRecording], list[QualityFinding]]:
+    """Return the parts in which the device stood still, and when it was moved between them."""
+    found = parts_at_rest(recording)
+    if not found.text:
+        return found.recordings, []
+    name = 'orientation_flip' if found.is_turned else 'moved'
+    text = f'run {run}: {found.text}'
+    return found.recordings, [QualityFinding(name, 'all', found.left_out, text)]
 
 
 def check_recording(
@@ -101,10 +111,6 @@ def check_recording(
         found_here = f'run {run}: {channel} {text} in {count} of {len(rows)} rows'
         findings.append(QualityFinding('impossible_statistic', 'all', count, found_here))
         recording = _blank(recording, channel, rows)
-    recording, found = _check_orientation(recording, run)
-    findings += found
-    recording, found = _check_motion(recording, run)
-    findings += found
     rate = rate_at_rest(recording)
     if rate:
         text = f'run {run}: {rate}'
@@ -287,72 +293,6 @@ def _check_instruments(
         if fault.unusable:
             recording = _blank(recording, 'temperature', fault.rows)
     return recording, findings
-
-
-def _check_motion(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[QualityFinding]]:
-    """Return the recording without short whiles of motion, and when they were."""
-    rows = moved_rows(recording)
-    if not rows.any():
-        return recording, []
-    edges = np.flatnonzero(np.diff(np.r_[False, rows, False]))
-    time = recording.time
-    times = ', '.join(
-        f'{time[first]:.0f} … {time[stop - 1]:.0f} s'
-        for first, stop in edges.reshape(-1, 2).tolist()
-    )
-    text = f'run {run}: the device was moved at {times} and may have stood otherwise afterwards'
-    for sensor in SENSOR_FIELDS:
-        recording = _without(recording, sensor, rows)
-    return recording, [QualityFinding('moved', 'all', int(rows.sum()), text)]
-
-
-def _check_orientation(
-    recording: ImuRecording, run: str
-) -> tuple[ImuRecording, list[QualityFinding]]:
-    """Return the recording without rows in which another axis points up, and what was found."""
-    window = max(int(FLIP_WINDOW_S / _period(recording)), 1)
-    values = recording.linear_acceleration
-    count = len(values) // window
-    if count < 3:
-        return recording, []
-    parts = values[: count * window].reshape(count, window, 3)
-    sizes = np.isfinite(parts).sum(axis=1)
-    means = np.where(sizes > 0, np.nansum(parts, axis=1) / np.maximum(sizes, 1), np.nan)
-    known = np.isfinite(means).all(axis=1)
-    if known.sum() < 3:
-        return recording, []
-    axis = np.argmax(np.abs(np.nan_to_num(means)), axis=1)
-    up = np.where(means[np.arange(count), axis] > 0.0, axis + 1, -axis - 1)
-    norm = np.linalg.norm(means, axis=1)
-    steady = np.abs(norm / np.median(norm[known]) - 1.0) < STEADY_NORM_SHARE
-    usual = _most_common(up[known & steady]) if (known & steady).any() else 0
-    other = known & steady & (up != usual)
-    if not other.any() or other.sum() < 2:
-        return recording, []
-    first, last = np.flatnonzero(other)[[0, -1]]
-    rows = np.zeros(len(values), dtype=bool)
-    rows[max(first - 1, 0) * window : min((last + 2) * window, len(values))] = True
-    if last == count - 1:
-        rows[first * window :] = True
-    name = _up_name(int(up[first]))
-    from_time, to_time = recording.time[rows][[0, -1]]
-    text = (
-        f'run {run}: {name} points up instead of {_up_name(int(usual))} from {from_time:.0f} to '
-        f'{to_time:.0f} s, in {rows.sum()} rows'
-    )
-    for sensor in ('accelerometer', 'magnetometer'):
-        recording = _without(recording, sensor, rows)
-    finding = QualityFinding('orientation_flip', 'accelerometer', int(rows.sum()), text)
-    return recording, [finding]
-
-
-def _up_name(code: int) -> str:
-    return f'{"+" if code > 0 else "-"}{"xyz"[abs(code) - 1]}'
-
-
-def _most_common(codes: NDArray[np.int64]) -> int:
-    values, counts = np.unique(codes, return_counts=True)
-    return int(values[np.argmax(counts)])
 
 
 def _switched(recording: ImuRecording) -> BoolArray:

@@ -168,10 +168,11 @@ _LISTED = (
         'orientation_flip',
         'Gravity changes its direction within a run.',
         'data_quality',
-        'means over 5 min in which another axis points up, or the same one the other way',
+        'a step of the specific force that lasts, after which another axis points up, or the '
+        'same one the other way',
         'The device was turned or fell over, or a sign is wrong in a part of the data.',
         'A tilt with temperature is a fraction of a degree and returns with it.',
-        'split the recording where the device was turned',
+        'nothing: every part at rest is a run of its own, each with its axis up',
         'REP-145 (orientation of an IMU at rest)',
     ),
     FindingExplanation(
@@ -179,11 +180,13 @@ _LISTED = (
         'The device was moved for a short while.',
         'data_quality',
         'three seconds and more in which specific force is 5 % of gravity off the minute around '
-        'them, or the field is turned by ten degrees as the gyroscope says',
+        'them, or the field is turned by ten degrees as the gyroscope says; or a step by as much '
+        'that lasts and leaves the norm',
         'It was picked up, knocked over or carried; afterwards it may stand otherwise, so that '
         'every level is another one.',
         'A knock lasts for less; a step of the sensor itself comes without motion.',
-        'give what is before and after as recordings of their own (import --from, --to)',
+        'nothing: every part at rest is a run of its own; one below 5 % of the recording is left '
+        'out',
         'REP-145 (an IMU at rest shows gravity)',
     ),
     FindingExplanation(

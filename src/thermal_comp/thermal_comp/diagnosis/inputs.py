@@ -15,6 +15,7 @@ from thermal_comp.data.preparation import as_campaign, prepare_run, run_name
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import (
     QualityFinding,
+    check_motion,
     check_recording,
     merged,
     scales_of,
@@ -69,16 +70,19 @@ def prepare_inputs(
     names, scales, windows, bandwidths = [], [], [], []
     taken: dict[str, int] = {}
     for number, recording in enumerate(_read_ahead(recordings), 1):
-        names.append(recording.run or str(number))
         windows.append(clock_windows(recording))
         bandwidths.append(bandwidth_known([recording]))
-        clean, found = check_recording(recording, names[-1])
+        parts, found = check_motion(recording, recording.run or str(number))
         findings += found
-        scales.append(scales_of(clean))
-        name = run_name(recording, number, taken)
-        sound = prepared and clean is recording
-        runs.append(prepared[number - 1] if sound else prepare_run(clean, name, period=period))
-        del recording, clean  # of long ones each is a third of the memory
+        for part in parts:
+            names.append(part.run or str(number))
+            clean, found = check_recording(part, names[-1])
+            findings += found
+            scales.append(scales_of(clean))
+            name = run_name(part, number, taken)
+            sound = prepared and clean is recording
+            runs.append(prepared[len(runs)] if sound else prepare_run(clean, name, period=period))
+        del recording, parts, part, clean  # of long ones each is a third of the memory
     if period is None:
         runs = in_common_blocks(runs)
     for number, finding in wrong_units(scales, names, findings):

@@ -11,6 +11,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.parts_at_rest import parts_at_rest
 from thermal_comp.data.preparation import Truth, prepare, resting_conditions
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.startup import cut_startup
@@ -264,6 +265,8 @@ def fit_full_rate(
     Noise, shape parameters and whatever shares coefficients between axes come from block means;
     per-axis coefficients then from all samples at once.
     """
+    if truth is None:
+        recordings = [part for whole in recordings for part in parts_at_rest(whole).recordings]
     runs = prepare(recordings, truth=truth)
     model = fit_prepared(effects, runs, pooled=pooled)
     sensors = dict(model.sensors)
