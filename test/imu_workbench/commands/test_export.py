@@ -62,7 +62,7 @@ def test_parameters_say_what_is_lost(model: Path, bags: Path, tmp_path: Path, ca
     assert 'exists already' in capsys.readouterr().err
     command[1:2] = [str(model), str(bags / 'dut1_z')]
     assert main([*command, '--force', '--instance', '1']) == 0
-    assert 'held out (x y z): cubic' in capsys.readouterr().out
+    assert 'held out in the recordings (x y z): cubic' in capsys.readouterr().out
     row = json.loads(told.read_text())['sensors']['gyroscope']
     assert row['held_out_cubic'] == pytest.approx(row['held_out_model'], rel=0.1)
     assert 'TC_G1_X3_2' in target.read_text()

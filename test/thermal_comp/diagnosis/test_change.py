@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A stored model is judged with the coefficients it holds: what changed since, and by how much."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -59,3 +60,14 @@ def test_a_time_constant_that_moved_is_said_with_what_it_is_now() -> None:
     changes = {f.name: f for f in now.findings if f.kind == 'changed'}
     said = changes['thermal_lag'].parameters['time_constant']
     assert said['value'] == pytest.approx(420.0, abs=2.0 + 4.0 * said['std'])
+
+
+def test_campaigns_that_lie_apart_and_differ_are_to_be_compared() -> None:
+    january = run('+z', seed=1, cycles=2)
+    autumn = run('+z', seed=2, cycles=2, slope_factor=1.4)
+    months = 200 * 86400 * 10**9
+    autumn = replace(autumn, stamp=autumn.stamp + months, run='autumn')
+    notes = tc.diagnose([january, autumn]).notes
+    assert [n for n in notes if n.startswith('autumn begins 200 days after the runs before it')]
+    same = replace(run('+z', seed=2, cycles=2), stamp=autumn.stamp, run='autumn')
+    assert not any('autumn begins' in note for note in tc.diagnose([january, same]).notes)

@@ -233,7 +233,8 @@ def _loss_lines(sensor: Sensor, row: Mapping[str, Any]) -> list[str]:
             ' '.join(shown(v) for v in display.of(np.asarray(row[key])))
             for key in ('held_out_cubic', 'held_out_model')
         )
-        lines.append(f'    held out (x y z): cubic {cubic}, whole model {whole} {display.unit}')
+        errors = f'cubic {cubic}, whole model {whole} {display.unit}'
+        lines.append(f'    held out in the recordings (x y z): {errors}')
     return lines
 
 

@@ -154,7 +154,10 @@ def compare_prepared(
                 f'{"+".join(group)}: {", ".join(held.relearned)} of a held-out part is '
                 'known from that part alone and was taken from it, like a level'
             )
-    unseen = 'the model has not seen these recordings: its residual is itself held out'
+    unseen = (
+        'the model has not seen these recordings: its residual is itself held out; '
+        'diagnose BAG… --model MODEL says whether its coefficients still hold'
+    )
     own = [note for run in runs for note in run.notes]
     cycles = all(run.has_cycles for run in runs)
     return Comparison(

@@ -26,6 +26,25 @@ LARGEST_CHANCE = 1e-6
 """Probability with which chance alone changes the coefficients of one effect so much."""
 LEAST_CHANGE_FLOORS = 0.25
 """Change of the modelled error, in noise floors of a block, below which nothing is said."""
+LEAST_APART_S = 7 * 86400.0
+"""Time without a recording from which runs are campaigns of their own [s]."""
+
+
+def later_campaign(runs: Sequence[PreparedRun]) -> str:
+    """Return how to tell whether a device has changed between two campaigns; '' for one alone.
+
+    Fitted together, runs of a device that has aged depend on time in a way no effect describes.
+    """
+    ordered = sorted(runs, key=lambda run: run.origin)
+    ends = [run.origin * 1e-9 + float(run.time[-1]) for run in ordered[:-1]]
+    waits = [run.origin * 1e-9 - end for run, end in zip(ordered[1:], ends, strict=True)]
+    if not waits or max(waits) < LEAST_APART_S:
+        return ''
+    first = ordered[int(np.argmax(waits)) + 1].name
+    return (
+        f'{first} begins {max(waits) / 86400.0:.0f} days after the runs before it: fit those; '
+        f'diagnose {first} … --model MODEL says what has changed since'
+    )
 
 
 def changes(

@@ -13,7 +13,7 @@ from thermal_comp.comparison.simpler import raised
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.diagnosis.change import changes
+from thermal_comp.diagnosis.change import changes, later_campaign
 from thermal_comp.diagnosis.evidence.posterior import credible
 from thermal_comp.diagnosis.findings import (
     Explained,
@@ -119,6 +119,8 @@ def diagnose_prepared(
         bandwidth_known=settings.bandwidth_known,
     )
     lacking = [f for s, a in answers.items() for f in _lacking(s, a, current, explained)]
+    unnamed = any(finding.kind in {'unexplained', 'unlogged'} for finding in lacking)
+    apart = filter(None, [later_campaign(runs) if unnamed else ''])
     return Diagnosis(
         device=current.device,
         findings=ranked([*changed, *lacking, *loud.values()]),
@@ -127,7 +129,7 @@ def diagnose_prepared(
         predictions=_predictions(base, answers, current, explained),
         undetermined=explained.undetermined,
         undecided=undecidable(runs, base, noise, settings.catalogue),
-        notes=(*current.notes, *notes, *short),
+        notes=(*current.notes, *notes, *short, *apart),
         explanations=_credible_explanations(answers),
         ranking=ranked_effects(answers),
     )
