@@ -55,12 +55,13 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     stuck = np.zeros(len(values), dtype=bool)
     runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     least = max(LEAST_STUCK_ROWS, int(np.ceil(LEAST_STUCK_S / period)))
-    needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
-    count = _coarse_counts(values)
-    for start, stop in runs:
+    lengths = runs[:, 1] - runs[:, 0]
+    long = runs[lengths >= _needed_repeats(lengths, len(values), least)]
+    count = _coarse_counts(values) if len(long) else np.zeros(0)
+    for start, stop in long:
         after = values[stop : stop + 1]
         jumps = len(after) and bool((np.abs(after[0] - values[start]) > 1.5 * count).any())
-        if stop - start >= needed and (jumps or not count.all()):
+        if jumps or not count.all():
             stuck[start:stop] = True
     # A triad that is stuck throughout was not measured at all: told elsewhere.
     return stuck & bool(stuck.mean() < 0.9)

@@ -136,7 +136,7 @@ class _Means:
             return cls(usual, distance, float('inf'))
         some = means[known]
         size = min(MEDIAN_WINDOW_S, len(some))
-        usual[known] = median_filter(some, size=(size, 1), mode='nearest')
+        usual[known] = np.stack([median_filter(c, size, mode='nearest') for c in some.T], axis=1)
         distance[known] = np.linalg.norm(some - usual[known], axis=1)
         return cls(usual, distance, float(np.median(np.linalg.norm(some, axis=1))))
 
