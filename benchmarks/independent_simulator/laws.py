@@ -267,7 +267,7 @@ CATALOGUE: Mapping[str, Law] = {
         (ACCELEROMETER, GYROSCOPE), _vibration_rectification, needs=('vibration',)
     ),
     'humidity': Law(ALL, _moisture, _draw_humidity, needs=('humidity',)),
-    'turn_on_bias': Law(ALL, _levels, _draw_levels, coupled=True),
+    'turn_on_bias': Law(ALL, _levels, _draw_levels, coupled=True, needs=('phase',)),
     'bias_step': Law(ALL, _step, _draw_step),
     'bias_drift': Law(ALL, _drift),
     'bias_creep': Law(ALL, _creep, _draw_creep),

@@ -97,3 +97,13 @@ def test_a_device_that_is_picked_up_is_left_out_while_it_moves() -> None:
         known = np.isfinite([getattr(part, name) for part in clean]).all(axis=2).sum(axis=0)
         assert (known[at] == 0).mean() > 0.95
         assert (known[~at] == 1).mean() > 0.999
+
+
+def test_a_device_that_warms_up_between_bursts_rests() -> None:
+    still = run(cycles=2, seed=1, period=1.0)
+    warm = still.linear_acceleration + 0.06 * (still.temperature - 20.0)[:, None]
+    bursts = replace(still, linear_acceleration=warm).rows(
+        np.flatnonzero(still.time % 900.0 < 5.0)
+    )
+    assert motion_of(bursts) == ''
+    assert not moved_spans(bursts)

@@ -1,10 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature behind a noisy thermometer is found, of ramps and of quiet days alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-from thermal_comp.data.smoothing import smoothed_temperature
+from thermal_comp.data.conditions import settled_conditions
+from thermal_comp.data.smoothing import smoothed_conditions, smoothed_temperature
+from thermal_comp.effects.operators import follow
+from thermal_comp.effects.temperature_rate import TemperatureRate
+
+from ..campaign import lagging
+
+INPUTS = ('specific_force', 'angular_velocity', 'magnetic_field')
 
 
 def ramps(step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -80,3 +89,22 @@ def test_what_lies_beyond_a_gap_is_not_mixed_in() -> None:
 def test_too_few_rows_stay_as_they_are() -> None:
     values = np.array([20.0, 20.1, 20.0])
     np.testing.assert_array_equal(smoothed_temperature(np.arange(3.0), values), values)
+
+
+@pytest.mark.parametrize('every', [300, 600])
+def test_bursts_tell_the_rate_and_what_lags_by_the_course_between_them(every: int) -> None:
+    time, true = ramps(1.0)
+    package = lagging(true, 300.0, 1.0)
+    slow = lagging(package, 600.0, 1.0)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(time))
+    shown = time % every < 5.0
+    there = replace(settled_conditions(20.0), time=time, temperature=package + noise)
+    there = replace(there, **{name: np.zeros((len(time), 3)) for name in INPUTS}).rows(shown)
+    smooth, row = smoothed_conditions(there)
+    np.testing.assert_allclose(smooth.time[row], time[shown], atol=1e-9)
+    rate = TemperatureRate().columns_in_hindsight(smooth)[row, 0]
+    true_rate = np.gradient(package, time)[shown]
+    assert np.std(rate - true_rate) < 0.15 * np.std(true_rate)
+    behind = (follow(smooth.time, smooth.temperature, 600.0)[0] - smooth.temperature)[row]
+    true_behind = (slow - package)[shown]
+    assert np.std(behind - true_behind) < 0.06 * np.std(true_behind)

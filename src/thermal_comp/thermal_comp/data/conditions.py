@@ -114,6 +114,19 @@ class Conditions:
         }
         return replace(self, **taken)
 
+    def at(self, time: FloatArray) -> Conditions:
+        """Return the conditions at other times: numbers on lines between, states as they were."""
+        before = np.clip(np.searchsorted(self.time, time, side='right') - 1, 0, len(self) - 1)
+        taken: dict[str, Any] = {
+            item.name: np.interp(time, self.time, value)
+            for item in fields(self)
+            if isinstance(value := getattr(self, item.name), np.ndarray)
+            and value.ndim == 1
+            and value.dtype.kind == 'f'
+            and item.name not in PER_RUN
+        }
+        return replace(self.rows(before), **taken)
+
     def has(self, channel: str) -> bool:
         """Tell whether a channel was logged: present and finite somewhere."""
         value = getattr(self, channel)

@@ -102,17 +102,17 @@ class _Seconds:
         second = (recording.stamp - recording.stamp[0]) // SECOND_NS
         starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
         starts = starts.astype(np.int64)
-        force = _Means.of(recording.linear_acceleration, starts)
-        field = _Means.of(recording.magnetic_field, starts)
-        rate = _Means.of(recording.angular_velocity, starts).distance
+        time = (recording.stamp[starts[:-1]] - recording.stamp[0]) * 1e-9
+        force = _Means.of(recording.linear_acceleration, starts, time)
+        field = _Means.of(recording.magnetic_field, starts, time)
+        rate = _Means.of(recording.angular_velocity, starts, time).distance
         is_turning = rate > LEAST_TURN_RATE
         moves = force.distance > LEAST_FORCE_CHANGE * force.norm
         moves |= (field.distance > LEAST_FIELD_CHANGE * field.norm) & is_turning
         # A single second is a spike; motion lasts longer.
         moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
-        time = (recording.stamp[starts[:-1]] - recording.stamp[0]) * 1e-9
-        turns = force.turns(LEAST_FORCE_CHANGE, time)
-        turns |= field.turns(LEAST_FIELD_CHANGE, time) & maximum_filter1d(is_turning, TURN_MEANS)
+        turns = force.turns(LEAST_FORCE_CHANGE)
+        turns |= field.turns(LEAST_FIELD_CHANGE) & maximum_filter1d(is_turning, TURN_MEANS)
         return cls(starts, moves, turns, rate)
 
 
@@ -120,39 +120,43 @@ class _Seconds:
 class _Means:
     """Means of a vector over a second, and what is usual around them."""
 
+    time: FloatArray
+    """(m,) when each begins [s]."""
     usual: FloatArray
-    """(m, 3) running median over MEDIAN_WINDOW_S; it follows a step at once. NaN where unknown."""
+    """(m, 3) running median over MEDIAN_WINDOW_S; it follows a step at once, and begins anew after
+    a gap of as much, as in bursts. NaN where unknown."""
     distance: FloatArray
     """(m,) how far each is from it; 0 where unknown."""
     norm: float
     """Median norm; infinite where nothing is known."""
 
     @classmethod
-    def of(cls, values: FloatArray, starts: IntArray) -> _Means:
+    def of(cls, values: FloatArray, starts: IntArray, time: FloatArray) -> _Means:
         means = bin_means(values, starts)[0]
-        known = np.isfinite(means).all(axis=1)
+        known = np.flatnonzero(np.isfinite(means).all(axis=1))
         usual, distance = np.full(means.shape, np.nan), np.zeros(len(means))
-        if not known.any():
-            return cls(usual, distance, float('inf'))
-        some = means[known]
-        size = min(MEDIAN_WINDOW_S, len(some))
-        usual[known] = np.stack([median_filter(c, size, mode='nearest') for c in some.T], axis=1)
-        distance[known] = np.linalg.norm(some - usual[known], axis=1)
-        return cls(usual, distance, float(np.median(np.linalg.norm(some, axis=1))))
+        if not len(known):
+            return cls(time, usual, distance, float('inf'))
+        for rows in np.split(known, np.flatnonzero(np.diff(time[known]) > MEDIAN_WINDOW_S) + 1):
+            for axis, column in enumerate(means[rows].T):  # mirrored at its ends
+                usual[rows, axis] = median_filter(column, MEDIAN_WINDOW_S, mode='reflect')
+        distance[known] = np.linalg.norm(means[known] - usual[known], axis=1)
+        return cls(time, usual, distance, float(np.median(np.linalg.norm(means[known], axis=1))))
 
-    def turns(self, least: float, time: FloatArray) -> NDArray[np.bool_]:
+    def turns(self, least: float) -> NDArray[np.bool_]:
         """Return the (m,) means beside a step of what is usual by `least` of the norm.
 
         A step over more than a minute (of bursts, and of slow sampling) may be temperature's,
         unless another axis points up; one that changes the norm may be the sensor's own.
         """
-        turns = np.zeros(len(time), dtype=bool)
+        turns = np.zeros(len(self.time), dtype=bool)
         known = np.flatnonzero(np.isfinite(self.usual).all(axis=1))
         known = known[LEAST_MOVING_SECONDS:-LEAST_MOVING_SECONDS]  # a start or end is no turn
         before, after = self.usual[known[:-TURN_MEANS]], self.usual[known[TURN_MEANS:]]
         step = np.linalg.norm(after - before, axis=1)
         norms = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
-        soon = time[known[TURN_MEANS:]] - time[known[:-TURN_MEANS]] <= MEDIAN_WINDOW_S
+        taken = self.time[known[TURN_MEANS:]] - self.time[known[:-TURN_MEANS]]
+        soon = taken <= MEDIAN_WINDOW_S
         other = np.abs(before).argmax(axis=1) != np.abs(after).argmax(axis=1)
         other |= (before * after).sum(axis=1) < 0.0
         found = (step > least * self.norm) & (soon | other)

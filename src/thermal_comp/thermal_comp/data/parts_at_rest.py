@@ -20,7 +20,6 @@ from thermal_comp.data.motion import Span, moved_spans
 
 LEAST_PART_SHARE = 0.05
 """Share of the rows below which a part is left out: too little to tell a level of its own."""
-
 LEAST_SPAN_K = 5.0
 """Span of temperature that tells a slope [K]."""
 LEAST_UNLIKENESS, LARGEST_REST = 0.5, 0.2

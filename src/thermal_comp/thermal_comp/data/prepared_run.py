@@ -93,7 +93,14 @@ class PreparedRun:
         Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 4: regression
         calibration), the more the slower the temperature moves.
         """
-        return replace(self, conditions=smoothed_conditions(self.conditions))
+        conditions, row = smoothed_conditions(self.conditions)
+        if len(conditions) == len(self.conditions):
+            return replace(self, conditions=conditions)
+        starts = np.stack([row[self.starts[:, 0]], row[self.starts[:, 1] - 1] + 1], axis=1)
+        measured = {s: np.full((len(conditions), 3), np.nan) for s in self.fine_measured}
+        for sensor, values in self.fine_measured.items():
+            measured[sensor][row] = values
+        return replace(self, conditions=conditions, starts=starts, fine_measured=measured)
 
     @cached_property
     def time(self) -> FloatArray:

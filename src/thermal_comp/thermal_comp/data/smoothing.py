@@ -10,14 +10,16 @@ from the spectrum by Whittle's likelihood.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 from thermal_comp.data.conditions import Conditions
 
@@ -25,6 +27,10 @@ SHORTEST_WIDTH_S, LONGEST_WIDTH_S = 1.0, 3600.0
 """Least and greatest width r^−⅙ over which a spline smooths [s]."""
 LEAST_ROWS = 8
 """Rows of a piece between gaps, below which it stays as it was measured."""
+LONGEST_BURST_ROWS, LEAST_BURSTS = 30, 4
+"""Rows of the longest piece below which pieces are bursts, and least number of them."""
+ROWS_BETWEEN_BURSTS = 5
+"""Rows that tell the course between two bursts."""
 MARGIN_WIDTHS = 8.0
 """Length of the mirror image at either end, in widths: what lies beyond changes nothing."""
 LONGEST_TURN = 6.0
@@ -41,23 +47,32 @@ LONG_GAP_STEPS = 20.0
 """Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
 
-def smoothed_conditions(conditions: Conditions) -> Conditions:
-    """Return conditions with the temperature smoothed; kept, as long as the conditions are."""
+def smoothed_conditions(conditions: Conditions) -> tuple[Conditions, IntArray]:
+    """Return conditions with the temperature smoothed, and where in them the given rows are.
+
+    They have further rows between bursts, so that what has a memory of the temperature sees its
+    course there. Kept as long as the conditions are.
+    """
     if conditions not in _SMOOTHED:
-        temperature = smoothed_temperature(conditions.time, conditions.temperature)
-        _SMOOTHED[conditions] = replace(conditions, temperature=temperature)
+        time, measured = conditions.time, conditions.temperature
+        if bursts := _bursts(time):
+            between = _between_bursts(time, bursts)
+            longer = conditions.at(np.sort(np.concatenate([time, between])))
+            temperature = _through_bursts(time, measured, bursts)(longer.time)
+            row = np.arange(len(time)) + np.searchsorted(between, time)
+            _SMOOTHED[conditions] = replace(longer, temperature=temperature), row
+        else:
+            smooth = replace(conditions, temperature=smoothed_temperature(time, measured))
+            _SMOOTHED[conditions] = smooth, np.arange(len(time))
     return _SMOOTHED[conditions]
 
 
-_SMOOTHED: WeakKeyDictionary[Conditions, Conditions] = WeakKeyDictionary()
+_SMOOTHED: WeakKeyDictionary[Conditions, tuple[Conditions, IntArray]] = WeakKeyDictionary()
 
 
 def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArray:
     """Return the (n,) temperature without its thermometer's noise; `time` (n,) ascends [s]."""
-    steps = np.diff(time)
-    step = float(np.median(steps)) if len(steps) else 1.0
-    gaps = np.flatnonzero(steps > LONG_GAP_STEPS * step) + 1
-    pieces = np.split(np.arange(len(time)), gaps)
+    pieces, step = _pieces(time)
     longest = max(pieces, key=len)
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
         return temperature
@@ -69,6 +84,42 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
         if len(rows) >= LEAST_ROWS:
             smoothed[rows] = _spline(smoothed[rows], width / step)
     return smoothed
+
+
+def _pieces(time: FloatArray) -> tuple[list[IntArray], float]:
+    """Return the rows of each piece between gaps, and the usual distance of rows [s]."""
+    steps = np.diff(time)
+    step = float(np.median(steps)) if len(steps) else 1.0
+    gaps = np.flatnonzero(steps > LONG_GAP_STEPS * step) + 1
+    return np.split(np.arange(len(time)), gaps), step
+
+
+def _bursts(time: FloatArray) -> list[IntArray]:
+    """Return the rows of each burst; none where pieces are longer, or few."""
+    pieces, _ = _pieces(time)
+    are_bursts = len(pieces) >= LEAST_BURSTS and max(map(len, pieces)) < LONGEST_BURST_ROWS
+    return pieces if are_bursts else []
+
+
+def _between_bursts(time: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
+    """Return ROWS_BETWEEN_BURSTS times in each gap [s]."""
+    edges = [time[[before[-1], after[0]]] for before, after in pairwise(bursts)]
+    return np.concatenate([np.linspace(a, b, ROWS_BETWEEN_BURSTS + 2)[1:-1] for a, b in edges])
+
+
+def _through_bursts(
+    time: FloatArray, temperature: FloatArray, bursts: Sequence[IntArray]
+) -> Akima1DInterpolator:
+    """Return the temperature over time along a smooth curve through the means of bursts.
+
+    A few seconds tell no rate: it is that of the course from burst to burst, by a spline that
+    keeps to straight ramps and to corners (Akima, J. ACM 17, 1970).
+    """
+    middle = np.array([time[rows].mean() for rows in bursts])
+    mean = np.array([temperature[rows].mean() for rows in bursts])
+    # Beyond either end it goes on as between the last two, not on a parabola.
+    middle, mean = (np.pad(v, 2, mode='reflect', reflect_type='odd') for v in (middle, mean))
+    return Akima1DInterpolator(middle, mean)
 
 
 @dataclass(frozen=True, eq=False)
