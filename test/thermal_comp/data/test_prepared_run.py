@@ -6,8 +6,8 @@ import pytest
 from imu_recording.recording import ImuRecording
 from scipy.signal import lfilter
 from thermal_comp.comparison.held_out import hold_out
+from thermal_comp.data.gaps import decays_after_gaps
 from thermal_comp.data.preparation import prepare
-from thermal_comp.data.prepared_run import decays_after_gaps
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag

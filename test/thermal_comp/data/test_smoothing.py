@@ -91,13 +91,13 @@ def test_too_few_rows_stay_as_they_are() -> None:
     np.testing.assert_array_equal(smoothed_temperature(np.arange(3.0), values), values)
 
 
-@pytest.mark.parametrize('every', [300, 600])
-def test_bursts_tell_the_rate_and_what_lags_by_the_course_between_them(every: int) -> None:
+@pytest.mark.parametrize(('every', 'length'), [(300, 5), (600, 5), (600, 60), (1800, 60)])
+def test_bursts_tell_rate_and_lag_by_the_course_between_them(every: int, length: int) -> None:
     time, true = ramps(1.0)
     package = lagging(true, 300.0, 1.0)
     slow = lagging(package, 600.0, 1.0)
     noise = 0.05 * np.random.default_rng(1).standard_normal(len(time))
-    shown = time % every < 5.0
+    shown = time % every < length
     there = replace(settled_conditions(20.0), time=time, temperature=package + noise)
     there = replace(there, **{name: np.zeros((len(time), 3)) for name in INPUTS}).rows(shown)
     smooth, row = smoothed_conditions(there)
@@ -107,4 +107,4 @@ def test_bursts_tell_the_rate_and_what_lags_by_the_course_between_them(every: in
     assert np.std(rate - true_rate) < 0.15 * np.std(true_rate)
     behind = (follow(smooth.time, smooth.temperature, 600.0)[0] - smooth.temperature)[row]
     true_behind = (slow - package)[shown]
-    assert np.std(behind - true_behind) < 0.06 * np.std(true_behind)
+    assert np.std(behind - true_behind) < 0.15 * np.std(true_behind)

@@ -32,8 +32,9 @@ from thermal_comp.data.fine_rows import (
     measured_temperature,
     without_cycle_ends,
 )
+from thermal_comp.data.gaps import ends_of_long_gaps
 from thermal_comp.data.parts_at_rest import parts_at_rest
-from thermal_comp.data.prepared_run import PreparedRun, ends_of_long_gaps
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
 

@@ -19,16 +19,19 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
-from scipy.interpolate import Akima1DInterpolator, CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.data.gaps import ends_of_long_gaps
 
 SHORTEST_WIDTH_S, LONGEST_WIDTH_S = 1.0, 3600.0
 """Least and greatest width r^−⅙ over which a spline smooths [s]."""
 LEAST_ROWS = 8
 """Rows of a piece between gaps, below which it stays as it was measured."""
-LONGEST_BURST_ROWS, LEAST_BURSTS = 30, 4
-"""Rows of the longest piece below which pieces are bursts, and least number of them."""
+LONGEST_BURST_S, LEAST_BURSTS = 1200.0, 4
+"""Length of the longest piece below which pieces are bursts [s], and least number of them."""
+LONGEST_SHORT_BURST_ROWS = 30
+"""Rows of the longest below which bursts tell no rate."""
 ROWS_BETWEEN_BURSTS = 5
 """Rows that tell the course between two bursts."""
 MARGIN_WIDTHS = 8.0
@@ -58,7 +61,7 @@ def smoothed_conditions(conditions: Conditions) -> tuple[Conditions, IntArray]:
         if bursts := _bursts(time):
             between = _between_bursts(time, bursts)
             longer = conditions.at(np.sort(np.concatenate([time, between])))
-            temperature = _through_bursts(time, measured, bursts)(longer.time)
+            temperature = _through_bursts(time, measured, bursts, longer.time)
             row = np.arange(len(time)) + np.searchsorted(between, time)
             _SMOOTHED[conditions] = replace(longer, temperature=temperature), row
         else:
@@ -96,9 +99,10 @@ def _pieces(time: FloatArray) -> tuple[list[IntArray], float]:
 
 def _bursts(time: FloatArray) -> list[IntArray]:
     """Return the rows of each burst; none where pieces are longer, or few."""
-    pieces, _ = _pieces(time)
-    are_bursts = len(pieces) >= LEAST_BURSTS and max(map(len, pieces)) < LONGEST_BURST_ROWS
-    return pieces if are_bursts else []
+    pieces, step = _pieces(time)
+    longest = max(map(len, pieces)) * step
+    are_short = longest < LONGEST_BURST_S and not len(ends_of_long_gaps(time))
+    return pieces if len(pieces) >= LEAST_BURSTS and are_short else []
 
 
 def _between_bursts(time: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
@@ -108,18 +112,26 @@ def _between_bursts(time: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
 
 
 def _through_bursts(
-    time: FloatArray, temperature: FloatArray, bursts: Sequence[IntArray]
-) -> Akima1DInterpolator:
-    """Return the temperature over time along a smooth curve through the means of bursts.
+    time: FloatArray, measured: FloatArray, bursts: Sequence[IntArray], there: FloatArray
+) -> FloatArray:
+    """Return the temperature at times `there`, along a smooth curve through bursts.
 
     A few seconds tell no rate: it is that of the course from burst to burst, by a spline that
-    keeps to straight ramps and to corners (Akima, J. ACM 17, 1970).
+    keeps to straight ramps and to corners (Akima, J. ACM 17, 1970). Longer ones tell it, and the
+    curve goes on with it from burst to burst.
     """
+    if max(map(len, bursts)) >= LONGEST_SHORT_BURST_ROWS:
+        smooth = smoothed_temperature(time, measured)
+        ends = np.concatenate([rows[[0, -1]] for rows in bursts if len(rows) > 1])
+        slope = np.gradient(smooth, time)
+        inside = np.interp(there, time, smooth)
+        between = CubicHermiteSpline(time[ends], smooth[ends], slope[ends])(there)
+        return np.where(np.isin(there, time), inside, between)
     middle = np.array([time[rows].mean() for rows in bursts])
-    mean = np.array([temperature[rows].mean() for rows in bursts])
+    mean = np.array([measured[rows].mean() for rows in bursts])
     # Beyond either end it goes on as between the last two, not on a parabola.
     middle, mean = (np.pad(v, 2, mode='reflect', reflect_type='odd') for v in (middle, mean))
-    return Akima1DInterpolator(middle, mean)
+    return np.asarray(Akima1DInterpolator(middle, mean)(there))
 
 
 @dataclass(frozen=True, eq=False)
