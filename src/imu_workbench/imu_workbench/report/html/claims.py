@@ -67,7 +67,7 @@ def sensor_card(content: Mapping[str, Any], sensor: str) -> Card | None:
         return None
     _, device, row = max(channels, key=lambda channel: channel[0])
     return _card(
-        f'{sensor.capitalize()} error, worst channel (rms)',
+        f'{sensor.capitalize()} error (rms), channel farthest above its noise',
         f'{shown(row["before"])} → {shown(row["after"])}',
         row['unit'],
         f'{device} {row["axis"]}: measured → certified model, held out; noise floor '
