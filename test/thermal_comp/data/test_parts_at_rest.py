@@ -119,3 +119,10 @@ def test_a_turn_hides_no_slope_and_adds_no_effect() -> None:
         assert any('2 parts are runs of their own' in note for note in comparison.notes)
         for sensor in comparison.sensors.values():
             assert (sensor.held_out_rms < 1.2 * sensor.noise_floor).all()
+
+
+def test_a_device_that_stands_askew_keeps_the_axis_that_was_stated() -> None:
+    still = run(cycles=2, seed=1, period=1.0)
+    askew = turned(still, -1.0, TILT @ TILT @ TILT, until=7000.0)
+    found = parts_at_rest(turned(askew, 7000.0, TILT @ TILT @ TILT @ TILT))
+    assert [part.up_axis for part in found.recordings] == ['+z', '+z']

@@ -80,9 +80,10 @@ def parts_at_rest(recording: ImuRecording) -> PartsAtRest:
 
 
 def _up_axis(recording: ImuRecording, span: Span) -> str:
-    """Return the axis that points up in some rows; the recording's where no gravity is known."""
-    force = recording.linear_acceleration[slice(*span)]
-    return infer_up_axis(force) if np.isfinite(force).any() else recording.up_axis
+    """Return the axis that points up in some rows; the stated one where gravity tells none."""
+    force = recording.linear_acceleration
+    stated = '' if infer_up_axis(force) else recording.up_axis
+    return infer_up_axis(force[slice(*span)]) or stated
 
 
 def _has_other_axes(part: ImuRecording, other: ImuRecording) -> bool:

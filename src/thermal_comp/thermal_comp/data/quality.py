@@ -41,6 +41,7 @@ IMPLAUSIBLE_NORM_FACTOR = 5.0
 """Factor by which a norm outside that range is implausible, whatever the unit."""
 FOREIGN_NOISE_RATIO = 20.0
 """Ratio of a run's noise to that of the other runs from which its unit is another."""
+
 Scale = tuple[float, float]
 """Norm of the median and median step of one sensor [its unit]."""
 
