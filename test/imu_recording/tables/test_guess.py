@@ -270,3 +270,11 @@ def test_utf16_is_read_and_said(tmp_path: Path) -> None:
     recording = import_csv(path, guess_mapping(path).mapping)
     assert len(recording) == 200
     assert 'the file is read as UTF-16' in recording.notes
+
+
+def test_exchanged_columns_of_force_and_rate_are_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / 'exchanged.csv'
+    rows = '\n'.join(f'{0.1 * k:.1f},0.01,0.0,0.02,0.1,0.1,9.8,21.0' for k in range(20))
+    path.write_text(f'time,ax,ay,az,gx,gy,gz,temperature\n{rows}\n')
+    said = guess_mapping(path).unsure
+    assert any('angular_velocity: its norm, 9.801, is gravity' in question for question in said)

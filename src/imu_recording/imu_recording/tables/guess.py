@@ -332,6 +332,8 @@ def _vector_unit(
             unsure.append(f'{name}: whole numbers, taken as counts of 1/131 °/s (±250 °/s)')
             return {'scale': '1/131', 'unit': '°/s'}
         unsure.append(ASSUMED_RATE_UNIT)
+        if 0.85 < norm / STANDARD_GRAVITY < 1.15:
+            unsure.append(f'{name}: its norm, {norm:.4g}, is gravity: are they the accelerometer?')
         return {'unit': 'rad/s'}
     if counts and name == 'linear_acceleration':
         nearest = min(COUNTS_PER_G, key=lambda c: abs(np.log(max(norm, 1e-9) / c)))
