@@ -133,6 +133,20 @@ def test_a_drift_is_found_as_closely_as_days_of_rows_tell() -> None:
     assert strongest.frequency == pytest.approx(frequency, abs=1e-6)
 
 
+def test_a_strong_line_that_moves_only_while_a_device_warms_up_is_found_with_its_drift() -> None:
+    time = np.arange(0.0, 1500.0)
+    die = -8.0 + 29.0 * (1.0 - np.exp(-time / 250.0))
+    angle = 2.0 * np.pi * np.cumsum(0.28 - 1.4e-4 * (die - 20.0))
+    rng = np.random.default_rng(2)
+    stamp = np.round((time + rng.uniform(-0.05, 0.05, len(time))) * 1e9).astype(np.int64)
+    field = 3e-6 * np.multiply.outer(np.cos(angle), GAINS) + [2e-5, 0.0, 4e-5]
+    field += 1e-7 * rng.standard_normal(field.shape)
+    level = np.broadcast_to([0.0, 0.0, 9.81], field.shape)
+    recording = ImuRecording(stamp, 0.0 * field, level, field, die, up_axis='+z')
+    line = spectral_lines(prepare([recording]), SENSOR)[0]
+    assert line.drift == pytest.approx(-1.4e-4, rel=0.15)
+
+
 def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:
     slow = (lagging(chamber()[1], 400.0, PERIOD) - chamber()[1]) / 10.0
     runs = runs_with(lambda: slow)

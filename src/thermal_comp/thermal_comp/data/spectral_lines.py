@@ -10,7 +10,7 @@ and averaged: where d is right the spectrum of what is left has its highest peak
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -43,6 +43,11 @@ LARGEST_DRIFT_HZ_PER_K = 1e-3
 LEAST_DRIFT_RATIO = 2.5
 """Least ratio of the prominences of a drifting line and of a constant one. Any drift raises the
 prominence of a frequency that wanders, by up to 1.7."""
+LEAST_STRONG_SHARE, LARGEST_REST = 0.1, 0.25
+"""Share of the power around it from which a constant line is strong, and what a drifting one
+leaves, at most, of what the constant one leaves: then it drifts, little as it gains."""
+STRONG_LINE_DRIFTS = 81
+"""Drifts of a strong line that are tried at a time."""
 DRIFT_STEPS = 4
 """Coarse steps of drift on either side of the best that dechirping covers."""
 MOST_DRIFTS = 128
@@ -81,7 +86,7 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[Spectral
         return []
     series = [_series(run, sensor, step) for run in runs]
     steady = _steady_lines(series, step)
-    moving = _moving_line(series, step, steady[:1])
+    moving = _moving_line(series, step, steady[:1]) or _strong_line(series, step, steady[:1])
     return [*moving, *steady][:MOST_LINES]
 
 
@@ -182,6 +187,48 @@ def _moving_line(
     return [line] if prominent and line.drift and lowest > LOWEST_HZ else []
 
 
+def _strong_line(
+    series: Sequence[_Series], step: float, steady: Sequence[SpectralLine]
+) -> list[SpectralLine]:
+    """Return the drifting line that leaves a small part of what a constant one leaves, or [].
+
+    Such a one stands out whether it drifts or not, as it moves while a device warms up alone. The
+    rows count in full here: tapered spectra leave out where a recording begins.
+    """
+    if not steady:
+        return []
+    temperatures = np.concatenate([one.temperature for one in series])
+    standing = best = _most_coherent(series, step, steady[0], np.zeros(1))
+    if not LEAST_STRONG_SHARE < standing[0] < 1.0 - LARGEST_REST:
+        return []
+    width = 4.0 / (WINDOW_ROWS * step * max(float(np.ptp(temperatures)), 1.0))
+    for part in (1.0, 0.1, 0.01):
+        offsets = np.linspace(-part * width, part * width, STRONG_LINE_DRIFTS)
+        best = max(best, _most_coherent(series, step, best[1], offsets))
+    return [best[1]] if 1.0 - best[0] < LARGEST_REST * (1.0 - standing[0]) else []
+
+
+def _most_coherent(
+    series: Sequence[_Series], step: float, line: SpectralLine, offsets: FloatArray
+) -> tuple[float, SpectralLine]:
+    """Return the largest share of the power around a line that one near it has, and that line."""
+    averaged = [_averaged(one, step, line, np.ones) for one in series]
+    size = 1 << (2 * max(len(values) for values, _ in averaged)).bit_length()
+    whole = sum(len(values) * float((np.abs(values) ** 2).sum()) for values, _ in averaged)
+    best = 0.0, line
+    for offset in offsets.tolist():
+        power = np.zeros(size)
+        for values, integral in averaged:
+            turned = values * np.exp(-2j * np.pi * offset * integral)[:, None]
+            power += (np.abs(np.fft.fft(turned, size, axis=0)) ** 2).sum(axis=1)
+        ordered = np.fft.fftshift(power)
+        peak = int(np.argmax(ordered))
+        away = (_interpolated(ordered, peak) - size // 2) / (size * AVERAGED_ROWS * step)
+        share = float(ordered[peak]) / max(whole, 1e-300)
+        best = max(best, (share, SpectralLine(line.frequency + away, line.drift + offset)))
+    return best
+
+
 def _along_temperature(
     series: Sequence[_Series], bin_hz: float, drift_step: float
 ) -> list[SpectralLine]:
@@ -245,7 +292,12 @@ def _dechirped(
     return found
 
 
-def _averaged(one: _Series, step: float, line: SpectralLine) -> tuple[FloatArray, FloatArray]:
+def _averaged(
+    one: _Series,
+    step: float,
+    line: SpectralLine,
+    taper: Callable[[int], FloatArray] = np.hanning,
+) -> tuple[FloatArray, FloatArray]:
     """Return (k, 3) averages of the rows without the phase of a line, tapered, and integrals."""
     count = len(one.values) // AVERAGED_ROWS
     rows = np.arange(count * AVERAGED_ROWS)
@@ -253,7 +305,7 @@ def _averaged(one: _Series, step: float, line: SpectralLine) -> tuple[FloatArray
     turned = one.values[rows] * np.exp(-2j * np.pi * turns)[:, None]
     averages = turned.reshape(count, AVERAGED_ROWS, 3).mean(axis=1)
     integral = one.integral[rows].reshape(count, AVERAGED_ROWS).mean(axis=1)
-    return averages * np.hanning(count)[:, None], integral
+    return averages * taper(count)[:, None], integral
 
 
 def _departure_from_line(integral: FloatArray) -> FloatArray:
