@@ -57,7 +57,7 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     least = max(LEAST_STUCK_ROWS, int(np.ceil(LEAST_STUCK_S / period)))
     lengths = runs[:, 1] - runs[:, 0]
     long = runs[lengths >= _needed_repeats(lengths, len(values), least)]
-    count = _coarse_counts(values) if len(long) else np.zeros(0)
+    count = coarse_counts(values) if len(long) else np.zeros(0)
     for start, stop in long:
         after = values[stop : stop + 1]
         jumps = len(after) and bool((np.abs(after[0] - values[start]) > 1.5 * count).any())
@@ -79,7 +79,7 @@ def _is_smooth(values: FloatArray) -> bool:
     return bool((bend < LARGEST_BEND_SHARE * np.median(np.abs(steps)[moving], axis=0)).all())
 
 
-def _coarse_counts(values: FloatArray) -> FloatArray:
+def coarse_counts(values: FloatArray) -> FloatArray:
     """Return (3,) one count of each axis where it is coarser than the noise, else 0.
 
     ∞ where an axis never changes.
@@ -120,7 +120,7 @@ def rail_rows(values: FloatArray) -> BoolArray:
     """Return the rows (n,) at a rail, or so near that its clipping shifts their mean."""
     touched = np.zeros(len(values), dtype=bool)
     # Counts coarser than the noise repeat wherever the signal rests: that is no rail.
-    for column in values.T[_coarse_counts(values) == 0.0]:
+    for column in values.T[coarse_counts(values) == 0.0]:
         for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
             extreme = float(pick.reduce(column, initial=-sign * np.inf))
             if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < LEAST_RAIL_VALUES:

@@ -13,6 +13,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.data.defective_rows import coarse_counts
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.smoothing import held_readings
 from thermal_comp.diagnosis.evidence import priors
@@ -34,6 +35,8 @@ LEAST_HELD_BLOCKS, MOST_HELD = 3.0, 6
 """Blocks for which a reading is held, at least, and number of such stretches of a run."""
 HELD_TERMS = 3
 """Coefficients of a stretch."""
+HARMONICS = 4
+"""Harmonics of what rounding to coarse counts makes of a signal that moves."""
 COVARIANCE_INSTANTS = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
@@ -45,7 +48,7 @@ def nuisance_priors(
 
     The first of each is the thermometer's errors.
     """
-    unread = _between_counts(design, response)
+    unread = [*_between_counts(design, response), *_rounded(design)]
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
@@ -84,6 +87,45 @@ def _between_counts(design: CandidateDesign, response: Response | None) -> list[
     if not term.columns:
         return []
     return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
+
+
+def _rounded(design: CandidateDesign) -> list[CoefficientPrior]:
+    """Return what rounding to counts coarser than the noise makes of each run; [] for fine ones.
+
+    Rounding x to steps q adds Σ (−1)ᵏ q/(πk) · sin(2πk x/q) (Widrow and Kollár, Quantization
+    Noise, 2008, ch. 4), less by exp(−2π²k²σ²/q²) beside noise σ: a wave along the signal, whose
+    course the temperature tells; over temperature and time each may grow and turn, as that course
+    is known to a part of a count. Only where axes are the sensor's own and rows are samples.
+    """
+    runs = design.source.smoothed
+    counts = []
+    for run in design.source.runs:
+        count = coarse_counts(run.fine_measured[design.sensor])
+        counts.append(np.where(np.isfinite(count) & run.sampled, count, 0.0))
+    if not any(q.any() for q in counts) or not np.array_equal(design.axes, np.eye(3)):
+        return []
+    low = min(float(run.temperature.min()) for run in runs)
+    span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
+    cubic = _cubic(design, low, span)
+    step = {run.name: (k, q) for k, (run, q) in enumerate(zip(runs, counts, strict=True))}
+
+    def waves(run: PreparedRun) -> FloatArray:
+        number, count = step[run.name]
+        x = (run.conditions.temperature - low) / span
+        powers = np.stack([x, x**2, x**3], axis=1)
+        signal = powers @ cubic[[2 * number + 1, -2, -1]]
+        slowly = np.stack([np.ones_like(x), 2.0 * x - 1.0, np.linspace(-1.0, 1.0, len(x))], axis=1)
+        columns = np.zeros((len(run), 3, 6 * HARMONICS))
+        for axis in np.flatnonzero(count):
+            angle = 2.0 * np.pi * np.arange(1, HARMONICS + 1) * signal[:, [axis]] / count[axis]
+            turns = np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+            size = count[axis] / (np.pi * np.arange(1, HARMONICS + 1) * np.sqrt(2.0))
+            wave = (np.tile(size, 2) * turns)[:, :, None] * slowly[:, None, :]
+            columns[:, axis] = run.block_mean(wave.reshape(len(x), -1))
+        return columns
+
+    term = design.generic_terms([(waves, True)], runs=runs)[0]
+    return [CoefficientPrior(term.columns, shared=False, deviation=design.size_of(term))]
 
 
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
