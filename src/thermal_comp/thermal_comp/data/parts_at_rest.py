@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from thermal_comp.data.conditions import mounting_rotation
 from thermal_comp.data.motion import Span, moved_spans
+from thermal_comp.data.startup import startup_rows
 
 LEAST_PART_SHARE = 0.05
 """Share of the rows below which a part is left out: too little to tell a level of its own."""
@@ -49,6 +50,9 @@ def parts_at_rest(recording: ImuRecording) -> PartsAtRest:
     carried about, or that never has an axis up or down, has none: it is returned as it is.
     """
     moved = moved_spans(recording)
+    if moved:  # what fills up after power-on changes as well, and is no motion
+        started = startup_rows(recording)[0]
+        moved = [span for span in moved if span[0] >= started]
     if not moved:
         return PartsAtRest([recording])
     edges = [0, *(edge for span in moved for edge in span), len(recording)]
