@@ -66,8 +66,8 @@ def moved_spans(recording: ImuRecording) -> list[Span]:
     seconds = _Seconds.of(recording)
     if seconds.is_carried:
         return []
-    moves = seconds.moves if seconds.moves.sum() >= LEAST_MOVING_SECONDS else seconds.turns
-    places = np.flatnonzero(moves | seconds.turns)
+    lasts = seconds.moves.sum() >= LEAST_MOVING_SECONDS
+    places = np.flatnonzero((seconds.moves & lasts) | seconds.turns)
     if not len(places):
         return []
     whiles = np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1)

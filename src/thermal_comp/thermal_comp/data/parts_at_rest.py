@@ -7,7 +7,7 @@ else has a memory know what was before; what the sensors measured is known in on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,6 +81,11 @@ def parts_at_rest(recording: ImuRecording) -> PartsAtRest:
         text += f'; the {len(parts)} parts are runs of their own'
         parts[0] = parts[0].with_notes(text)
     return PartsAtRest(parts, len(recording) - sum(map(_rows_measured, parts)), turned, text)
+
+
+def all_parts_at_rest(recordings: Iterable[ImuRecording]) -> list[ImuRecording]:
+    """Return the parts of all recordings, in order."""
+    return [part for whole in recordings for part in parts_at_rest(whole).recordings]
 
 
 def _up_axis(recording: ImuRecording, span: Span) -> str:

@@ -33,7 +33,7 @@ from thermal_comp.data.fine_rows import (
     without_cycle_ends,
 )
 from thermal_comp.data.gaps import ends_of_long_gaps
-from thermal_comp.data.parts_at_rest import parts_at_rest
+from thermal_comp.data.parts_at_rest import all_parts_at_rest
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
@@ -55,7 +55,7 @@ def prepare(
     """
     names: dict[str, int] = {}
     if truth is None:
-        recordings = [part for whole in recordings for part in parts_at_rest(whole).recordings]
+        recordings = all_parts_at_rest(recordings)
     runs = [
         prepare_run(
             recording,

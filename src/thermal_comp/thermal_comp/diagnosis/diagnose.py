@@ -120,7 +120,7 @@ def diagnose_prepared(
     )
     lacking = [f for s, a in answers.items() for f in _lacking(s, a, current, explained)]
     unnamed = any(finding.kind in {'unexplained', 'unlogged'} for finding in lacking)
-    apart = filter(None, [later_campaign(runs) if unnamed else ''])
+    apart = later_campaign(runs) if unnamed else ''
     return Diagnosis(
         device=current.device,
         findings=ranked([*changed, *lacking, *loud.values()]),
@@ -129,7 +129,7 @@ def diagnose_prepared(
         predictions=_predictions(base, answers, current, explained),
         undetermined=explained.undetermined,
         undecided=undecidable(runs, base, noise, settings.catalogue),
-        notes=(*current.notes, *notes, *short, *apart),
+        notes=(*current.notes, *notes, *short, *([apart] if apart else [])),
         explanations=_credible_explanations(answers),
         ranking=ranked_effects(answers),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.parts_at_rest import parts_at_rest
+from thermal_comp.data.parts_at_rest import all_parts_at_rest
 from thermal_comp.data.preparation import Truth, prepare, resting_conditions
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.startup import cut_startup
@@ -266,7 +266,7 @@ def fit_full_rate(
     per-axis coefficients then from all samples at once.
     """
     if truth is None:
-        recordings = [part for whole in recordings for part in parts_at_rest(whole).recordings]
+        recordings = all_parts_at_rest(recordings)
     runs = prepare(recordings, truth=truth)
     model = fit_prepared(effects, runs, pooled=pooled)
     sensors = dict(model.sensors)

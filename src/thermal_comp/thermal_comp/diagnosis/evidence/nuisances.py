@@ -90,7 +90,7 @@ def _between_counts(design: CandidateDesign, response: Response | None) -> list[
 
 
 def _rounded(design: CandidateDesign) -> list[CoefficientPrior]:
-    """Return what rounding to counts coarser than the noise makes of each run; [] for fine ones.
+    """Return the error of rounding to counts coarser than the noise, per run; [] for fine ones.
 
     Rounding x to steps q adds Σ (−1)ᵏ q/(πk) · sin(2πk x/q) (Widrow and Kollár, Quantization
     Noise, 2008, ch. 4), less by exp(−2π²k²σ²/q²) beside noise σ: a wave along the signal, whose
