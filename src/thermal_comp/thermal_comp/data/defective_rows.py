@@ -10,6 +10,8 @@ from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, ImuRecording
 from numpy.typing import NDArray
 
+from thermal_comp.data.rounding import coarse_counts, some_rows
+
 BoolArray = NDArray[np.bool_]
 
 LEAST_STUCK_S, LEAST_STUCK_ROWS = 4.0, 4
@@ -28,8 +30,6 @@ OTHER_AXES_SIGMA = 6.0
 """Distance of the other axes, at most, in a spike: a bit went wrong on one axis."""
 LEAST_PULSE_SHARE = 0.02
 """Distance of a pulse from both neighbours, at least, as a share of the channel's range."""
-ONE_COUNT_SHARE = 0.95
-"""Share of changes by one count among all from which counts are coarser than the noise."""
 LARGEST_BEND_SHARE = 0.1
 """Median change from step to step, as a share of a step, below which values have no noise."""
 LEAST_MOVING_ROWS = 10
@@ -77,24 +77,6 @@ def _is_smooth(values: FloatArray) -> bool:
         return False
     bend = np.median(np.abs(after - steps)[moving], axis=0)
     return bool((bend < LARGEST_BEND_SHARE * np.median(np.abs(steps)[moving], axis=0)).all())
-
-
-def coarse_counts(values: FloatArray) -> FloatArray:
-    """Return (3,) one count of each axis where it is coarser than the noise, else 0.
-
-    ∞ where an axis never changes.
-    """
-    counts = np.zeros(values.shape[1])
-    rows = some_rows(len(values) - 1)
-    with np.errstate(invalid='ignore'):
-        steps = np.abs(values[rows + 1] - values[rows])
-    for axis, column in enumerate(steps.T):
-        moved = column[column > 0.0]
-        if not len(moved):
-            counts[axis] = np.inf
-        elif (moved < 1.5 * moved.min()).mean() > ONE_COUNT_SHARE:
-            counts[axis] = moved.min()
-    return counts
 
 
 def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
@@ -217,11 +199,6 @@ def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
     """Yield slices over rows that stay in the processor's cache."""
     for start in range(0, rows, length):
         yield slice(start, min(start + length, rows))
-
-
-def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
-    """Return about so many of the rows, evenly spread: enough for a median."""
-    return np.arange(0, rows, max(rows // wanted, 1))
 
 
 def _is_rail(values: FloatArray, extreme: float) -> bool:

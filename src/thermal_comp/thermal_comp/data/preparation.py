@@ -36,6 +36,7 @@ from thermal_comp.data.gaps import ends_of_long_gaps
 from thermal_comp.data.parts_at_rest import all_parts_at_rest
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import without_damage
+from thermal_comp.data.rounding import Rounding
 from thermal_comp.data.startup import cut_startup
 
 Truth = Callable[[ImuRecording], Conditions]
@@ -136,6 +137,7 @@ def prepare_run(
         has_cycles=False,
         origin=origin,
         sampled=sampled,
+        rounding={s: Rounding.of(getattr(measured, SENSOR_FIELDS[s])) for s in SENSORS},
         hash=columns_hash(whole),
     )
     run = in_blocks(unblocked, period)

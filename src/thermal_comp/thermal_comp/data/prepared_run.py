@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
 from thermal_comp.data.gaps import decays_after_gaps
+from thermal_comp.data.rounding import Rounding
 from thermal_comp.data.smoothing import smoothed_conditions
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class PreparedRun:
     """Stamp at which its time is zero [ns]."""
     sampled: bool = False
     """Whether the fine rows are samples, whose stamps may jitter, and not means."""
+    rounding: Mapping[Sensor, Rounding] = field(default_factory=dict)
+    """How coarsely each sensor's samples were read."""
     hash: str = ''
     """SHA-256 of the columns it was prepared from."""
     notes: tuple[str, ...] = ()

@@ -17,12 +17,12 @@ from thermal_comp.data.defective_rows import (
     BoolArray,
     pulsed_rows,
     rail_rows,
-    some_rows,
     spike_rows,
     stuck_rows,
     temperature_spikes,
 )
 from thermal_comp.data.parts_at_rest import parts_at_rest
+from thermal_comp.data.rounding import some_rows
 from thermal_comp.data.startup import startup_rows
 from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 

@@ -23,7 +23,8 @@ from imu_recording.thermometer import (
     is_whole_degrees,
 )
 
-from thermal_comp.data.defective_rows import BoolArray, some_rows
+from thermal_comp.data.defective_rows import BoolArray
+from thermal_comp.data.rounding import some_rows
 from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 

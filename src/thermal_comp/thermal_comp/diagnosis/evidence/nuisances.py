@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
 from itertools import product
 from typing import TypeAlias
@@ -13,10 +12,14 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.data.defective_rows import coarse_counts
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.smoothing import held_readings
 from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.rounding_errors import rounding_errors
+from thermal_comp.diagnosis.evidence.temperature_course import (
+    TemperatureSlope,
+    temperature_history,
+)
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.columns import LEAST_NEW_LENGTH
@@ -35,8 +38,6 @@ LEAST_HELD_BLOCKS, MOST_HELD = 3.0, 6
 """Blocks for which a reading is held, at least, and number of such stretches of a run."""
 HELD_TERMS = 3
 """Coefficients of a stretch."""
-HARMONICS = 4
-"""Harmonics of what rounding to coarse counts makes of a signal that moves."""
 COVARIANCE_INSTANTS = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
@@ -48,7 +49,7 @@ def nuisance_priors(
 
     The first of each is the thermometer's errors.
     """
-    unread = [*_between_counts(design, response), *_rounded(design)]
+    unread = [*_between_counts(design, response), *rounding_errors(design)]
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
@@ -87,45 +88,6 @@ def _between_counts(design: CandidateDesign, response: Response | None) -> list[
     if not term.columns:
         return []
     return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
-
-
-def _rounded(design: CandidateDesign) -> list[CoefficientPrior]:
-    """Return the error of rounding to counts coarser than the noise, per run; [] for fine ones.
-
-    Rounding x to steps q adds Σ (−1)ᵏ q/(πk) · sin(2πk x/q) (Widrow and Kollár, Quantization
-    Noise, 2008, ch. 4), less by exp(−2π²k²σ²/q²) beside noise σ: a wave along the signal, whose
-    course the temperature tells; over temperature and time each may grow and turn, as that course
-    is known to a part of a count. Only where axes are the sensor's own and rows are samples.
-    """
-    runs = design.source.smoothed
-    counts = []
-    for run in design.source.runs:
-        count = coarse_counts(run.fine_measured[design.sensor])
-        counts.append(np.where(np.isfinite(count) & run.sampled, count, 0.0))
-    if not any(q.any() for q in counts) or not np.array_equal(design.axes, np.eye(3)):
-        return []
-    low = min(float(run.temperature.min()) for run in runs)
-    span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
-    cubic = _cubic(design, low, span)
-    step = {run.name: (k, q) for k, (run, q) in enumerate(zip(runs, counts, strict=True))}
-
-    def waves(run: PreparedRun) -> FloatArray:
-        number, count = step[run.name]
-        x = (run.conditions.temperature - low) / span
-        powers = np.stack([x, x**2, x**3], axis=1)
-        signal = powers @ cubic[[2 * number + 1, -2, -1]]
-        slowly = np.stack([np.ones_like(x), 2.0 * x - 1.0, np.linspace(-1.0, 1.0, len(x))], axis=1)
-        columns = np.zeros((len(run), 3, 6 * HARMONICS))
-        for axis in np.flatnonzero(count):
-            angle = 2.0 * np.pi * np.arange(1, HARMONICS + 1) * signal[:, [axis]] / count[axis]
-            turns = np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
-            size = count[axis] / (np.pi * np.arange(1, HARMONICS + 1) * np.sqrt(2.0))
-            wave = (np.tile(size, 2) * turns)[:, :, None] * slowly[:, None, :]
-            columns[:, axis] = run.block_mean(wave.reshape(len(x), -1))
-        return columns
-
-    term = design.generic_terms([(waves, True)], runs=runs)[0]
-    return [CoefficientPrior(term.columns, shared=False, deviation=design.size_of(term))]
 
 
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
@@ -169,19 +131,12 @@ def _possible_errors(run: PreparedRun) -> FloatArray:
     """(n, q) errors of the thermometer in a run, one of each kind."""
     since = run.conditions.time - run.conditions.time[0]
     decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-    parts = [_history(run), _hysteresis_and_places(run.conditions), np.stack(decays, axis=1)]
-    return np.concatenate(parts, axis=1)
-
-
-def _history(run: PreparedRun) -> FloatArray:
-    """(n, q) derivatives of the temperature and what it is ahead of slower nodes."""
-    temperature, time = run.conditions.temperature, run.conditions.time
-    rate = np.gradient(temperature, time)
     parts = [
-        follow(time, temperature, seconds)[0] - temperature
-        for seconds in priors.THERMOMETER_PARTS_S
+        temperature_history(run),
+        _hysteresis_and_places(run.conditions),
+        np.stack(decays, axis=1),
     ]
-    return np.stack([rate, np.gradient(rate, time), *parts], axis=1)
+    return np.concatenate(parts, axis=1)
 
 
 def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
@@ -222,81 +177,3 @@ def _die_in(air: FloatArray, conditions: Conditions) -> FloatArray:
     dies = [follow(conditions.time, air, seconds)[0] for seconds in priors.THERMOMETER_DIES_S]
     likeness = [temperature @ (die - die.mean()) / max(float(die.std()), 1e-9) for die in dies]
     return dies[int(np.argmax(likeness))]
-
-
-@dataclass(frozen=True, eq=False)
-class TemperatureSlope:
-    """Slope over temperature of each run along a design's axes.
-
-    It is the derivative of a cubic through all runs, each with its own level and line, beside
-    the temperature's history, which a lag would else bend into it.
-    """
-
-    low: float
-    """Lowest temperature [°C] …"""
-    span: float
-    """… and the range above it [K]."""
-    lines: Mapping[str, FloatArray]
-    """(3,) slope of each run at the lowest temperature, by name [unit]."""
-    square: FloatArray
-    """(3,) over the range [unit]."""
-    cube: FloatArray
-    """(3,) over the range [unit]."""
-
-    @classmethod
-    def of(cls, design: CandidateDesign) -> TemperatureSlope:
-        """Return the slopes of the runs of a design."""
-        runs = design.source.smoothed
-        low = min(float(run.temperature.min()) for run in runs)
-        span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
-        cubic = _cubic(design, low, span)
-        lines = {run.name: line for run, line in zip(runs, cubic[1:-2:2], strict=True)}
-        return cls(low, span, lines, cubic[-2], cubic[-1])
-
-    def at(self, run: PreparedRun) -> FloatArray:
-        """Return the (m, 3) slope over a run [unit/K]."""
-        x = ((run.temperature - self.low) / self.span)[:, None]
-        slope = self.lines[run.name] + 2.0 * self.square * x + 3.0 * self.cube * x**2
-        return np.asarray(slope / self.span)
-
-    def response(self, run: PreparedRun, errors: FloatArray) -> FloatArray:
-        """Return (m, 3, q) what errors (n, q) of the temperature [K] do to the block means."""
-        return run.block_mean(errors)[:, None, :] * self.at(run)[:, :, None]
-
-
-def _cubic(design: CandidateDesign, low: float, span: float) -> FloatArray:
-    """Return the coefficients (2 r + 2, 3): level and slope of each of r runs, square and cube.
-
-    They are those of a ridge regression, as large as the priors of bends and of the thermometer's
-    lag allow.
-    """
-    runs = design.source.smoothed
-    rows, values = [], []
-    for number, (run, valid) in enumerate(zip(runs, design.valid, strict=True)):
-        x = (run.temperature[valid] - low) / span
-        lines = np.zeros((len(x), 2 * len(runs)))
-        lines[:, 2 * number : 2 * number + 2] = np.stack([np.ones_like(x), x], axis=1)
-        history = run.block_mean(_history(run))[valid]
-        rows.append(np.column_stack([lines, x**2, x**3, history]))
-        values.append(run.measured[design.sensor][valid])
-    stacked, measured = np.concatenate(rows), np.concatenate(values) @ design.axes
-    width = 2 * len(runs)
-    plain = np.linalg.lstsq(stacked[:, :width], measured, rcond=LEAST_NEW_LENGTH)[0]
-    history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
-    allowed = np.full(stacked.shape[1], np.inf)
-    allowed[width : width + 2] = priors.SLOPE_CHANGE_STD * span
-    allowed[width + 2 :] = history[: stacked.shape[1] - width - 2]
-    coefficients = np.empty((stacked.shape[1], 3))
-    for axis in range(3):
-        typical = float(np.abs(plain[1::2, axis]).mean()) / span
-        left = float((measured[:, axis] - stacked[:, :width] @ plain[:, axis]).std())
-        deviation = np.full(len(allowed), np.inf)  # of a line, also where its slope is zero
-        deviation[width:] = np.maximum(allowed[width:] * typical, 1e-300)
-        penalty = np.diag(left / deviation)
-        ridge = np.concatenate([stacked, penalty])
-        size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
-        target = np.append(measured[:, axis], np.zeros(len(penalty)))
-        coefficients[:, axis] = (
-            np.linalg.lstsq(ridge / size, target, rcond=LEAST_NEW_LENGTH)[0] / size
-        )
-    return coefficients[: width + 2]
