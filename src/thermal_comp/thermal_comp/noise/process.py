@@ -117,9 +117,8 @@ class Projection:
     def spectrum_of(self, values: FloatArray) -> ResidualSpectrum:
         """Return the spectrum of values (m, axes) after the projection."""
         weighted = values if self.shaking is None else self.shaking.weights[:, None] * values
-        grid = np.zeros((int(self.slot[-1]) + 1, values.shape[1]))
-        grid[self.slot] = weighted - self.basis @ (self.basis.T @ weighted)
-        periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / len(self.slot)
+        left = weighted - self.basis @ (self.basis.T @ weighted)
+        periodogram = np.abs(_spectrum(left, self.slot)) ** 2 / len(self.slot)
         return ResidualSpectrum(
             periodogram=periodogram,
             expected=self.expected,
@@ -150,8 +149,8 @@ def project_spectra(
     white = np.zeros(length)
     white[0] = 1.0 / period
 
-    basis_spectrum = _spectrum(basis, slot, length)
-    left = partial(_power_left, basis, basis_spectrum, slot, length)
+    basis_spectrum = _spectrum(basis, slot)
+    left = partial(_power_left, basis, basis_spectrum, slot)
     covariances = (white, *coloured)
     products = toeplitz_products(covariances, slot, weights[:, None] * basis)
     expected = np.stack(
@@ -176,7 +175,6 @@ def _power_left(
     basis: FloatArray,
     basis_spectrum: np.ndarray,
     slot: IntArray,
-    length: int,
     plain: FloatArray | float,
     turned: FloatArray,
 ) -> FloatArray:
@@ -185,16 +183,17 @@ def _power_left(
     `plain` (f,) is its power before the projection of `basis` Q, `turned` (m, p) its covariance
     times Q.
     """
-    cross = np.einsum('fj,fj->f', basis_spectrum, _spectrum(turned, slot, length).conj()).real
+    cross = np.einsum('fj,fj->f', basis_spectrum, _spectrum(turned, slot).conj()).real
     inner = np.einsum('fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()).real
     power: FloatArray = np.maximum(plain - 2.0 * cross + inner, 0.0) / len(slot)
     return power
 
 
-def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:
-    grid = np.zeros((length, columns.shape[1]))
-    grid[slot] = columns
-    return np.fft.rfft(grid, axis=0)
+def _spectrum(columns: FloatArray, slot: IntArray) -> np.ndarray:
+    """Return the (f, q) Fourier transform of columns (m, q) on the grid of their slots."""
+    grid = np.zeros((columns.shape[1], int(slot[-1]) + 1))
+    grid[:, slot] = columns.T
+    return np.asarray(rfft(grid, overwrite_x=True).T)
 
 
 def _autocorrelation(present: FloatArray) -> FloatArray:
