@@ -16,6 +16,7 @@ from imu_recording import ImuRecording, read_bag, write_bag
 from thermal_comp.data.defective_rows import far_rows
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, joint_evidence
+from thermal_comp.linear.product_table import ProductTable
 from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
 from thermal_comp.model.values import NoiseModel
 
@@ -38,7 +39,7 @@ def precompile() -> None:
     gains = innovation_gains(slot, noise, 0, 3.0)
     apply_transposed(apply_gains(values[:, None], gains), gains)
     prior = CoefficientPrior((0,), shared=False, deviation=np.ones(1))
-    joint_evidence(np.ones((3, 1, 1)), np.ones((3, 1)), 3.0, 3, [prior])
+    joint_evidence(*ProductTable(1).products_among([0]), 3.0, 3, [prior])
     recording = _recording()
     with tempfile.TemporaryDirectory() as folder:
         for storage, compression in COMPILED_BAG_FORMATS:

@@ -48,13 +48,6 @@ def equations(rows):
     return normal, right, float((target**2).sum()), 3 * ROWS
 
 
-def equations_of(rows, priors):
-    """The equations of the columns of priors, in their order."""
-    normal, right, chi_square, count = equations(rows)
-    columns = [c for prior in priors for c in prior.columns]
-    return normal[:, columns][:, :, columns], right[:, columns], chi_square, count
-
-
 OWN = CoefficientPrior((0, 1), shared=False, deviation=np.array([2.0, 5.0]))
 SHARED = CoefficientPrior((3, 4), shared=True, deviation=np.array([30.0, 1.0]))
 
@@ -62,9 +55,7 @@ SHARED = CoefficientPrior((3, 4), shared=True, deviation=np.array([30.0, 1.0]))
 @pytest.mark.parametrize('priors', [(), (OWN,), (SHARED,), (OWN, SHARED)])
 def test_what_is_integrated_out_counts_as_in_the_dense_covariance(rows, priors):
     expected = student_t(rows, priors)
-    assert joint_evidence(*equations_of(rows, priors), priors)[0] == pytest.approx(
-        expected, abs=1e-9
-    )
+    assert joint_evidence(*equations(rows), priors)[0] == pytest.approx(expected, abs=1e-9)
     state = conditioned(*equations(rows), priors)
     assert state.log_evidence == pytest.approx(expected, abs=1e-9)
 
@@ -82,6 +73,6 @@ def test_every_form_at_every_width_counts_as_in_the_dense_covariance(rows, prior
             expected = student_t(rows, (*priors, tried))
             assert evidence[place, number] == pytest.approx(expected, abs=1e-9)
             together = [*priors, tried]
-            joint = joint_evidence(*equations_of(rows, together), together)
+            joint = joint_evidence(*equations(rows), together)
             left = state.chi_square - gain[place, number]
             assert left == pytest.approx(equations(rows)[2] - joint[1], abs=1e-9)

@@ -349,15 +349,9 @@ def _log_evidences(
     alternatives: Sequence[Alternative],
 ) -> FloatArray:
     """Return (a,) ln evidence of components beside each alternative."""
-    design = hypotheses.design
-    every = dict.fromkeys(c for one in alternatives for prior in one.priors for c in prior.columns)
-    every |= dict.fromkeys(c for component in components for c in component.columns)
-    normal, right = design.equations(list(every))
-    place = {column: number for number, column in enumerate(every)}
-    found = []
-    for one in alternatives:
-        together = [*one.priors, *(component.prior for component in components)]
-        index = [place[c] for prior in together for c in prior.columns]
-        own = normal[:, np.array(index)[:, None], index], right[:, index]
-        found.append(joint_evidence(*own, design.chi_square, hypotheses.rows, together)[0])
+    beside = [(*one.priors, *(c.prior for c in components)) for one in alternatives]
+    every = {column for together in beside for prior in together for column in prior.columns}
+    known = hypotheses.design.products_among(sorted(every))
+    chi_square = hypotheses.design.chi_square
+    found = [joint_evidence(*known, chi_square, hypotheses.rows, some)[0] for some in beside]
     return np.array(found)

@@ -119,7 +119,6 @@ class CandidateDesign:
         self._terms: dict[Effect, ColumnGroup] = {}
         self._table = ProductTable(self.rows)
         self._size = np.zeros(0)
-        self._further_chi_square = 0.0
         levels = [run.level_columns[ok] for run, ok in zip(runs, self.valid, strict=True)]
         known = [per_axis(stack_runs(levels, per_run=True))[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
@@ -129,6 +128,8 @@ class CandidateDesign:
         """ln of the density of the rows less −χ²/2: of their noise, levels and base model."""
         self.base_rank = sum(q.shape[1] for q in self.base)
         self.target = self._residual(measured)
+        self.chi_square = float((self.target**2).sum())
+        """χ² of the residual of the base model, and of further equations."""
 
     @contextmanager
     def trials(self) -> Iterator[None]:
@@ -151,13 +152,8 @@ class CandidateDesign:
         answer = np.linalg.pinv(further, rcond=LEAST_NEW_POWER, hermitian=True) @ (right * inverse)
         added = further @ answer
         self._table.add(term.columns, further, added)
-        self._further_chi_square += float(answer @ added)
+        self.chi_square += float(answer @ added)
         return float(answer @ added)
-
-    @property
-    def chi_square(self) -> float:
-        """χ² of the residual of the base model."""
-        return float((self.target**2).sum()) + self._further_chi_square
 
     def term(self, effect: Effect) -> ColumnGroup:
         """Return the effect's columns in the design, computed on first use."""
@@ -192,6 +188,10 @@ class CandidateDesign:
     def equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return the normal matrices (3, k, k) of k columns and their right-hand sides (3, k)."""
         return self._table.equations(columns)
+
+    def products_among(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return equations (3, …, …) and (3, …) that hold those of some columns in place."""
+        return self._table.products_among(columns)
 
     def products(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, c, c) and right-hand sides (3, c) of all columns, as views.

@@ -224,18 +224,35 @@ def joint_evidence(
 ) -> tuple[float, float]:
     """Return ln evidence and Δχ² of columns together, those that the axes share as one.
 
-    `normal` (3, k, k) and `right` (3, k) are the equations of the columns of `priors`, in order.
+    `normal` (3, c, c) and `right` (3, c) are equations of which those of `priors` count.
     """
-    shared = np.array([p.shared for p in priors for _ in p.columns], dtype=bool)
-    _, deviation = _joined(priors)
-    size = len(shared)
-    whole = np.zeros((3, size + 1, size + 1))
-    whole[:, :size, :size] = normal * np.outer(deviation, deviation)
-    whole[:, :size, size] = right * deviation
-    own = size - int(shared.sum())
-    order = np.append(np.argsort(shared, kind='stable'), size)
-    determinant, delta_chi2 = _eliminated(whole.take(order, axis=1).take(order, axis=2), own)
+    own, deviation = _joined([p for p in priors if not p.shared])
+    common, deviation_common = _joined([p for p in priors if p.shared])
+    index = np.array([*own, *common], dtype=np.int64)
+    deviations = np.concatenate([deviation, deviation_common])
+    whole = np.empty((3, len(index) + 1, len(index) + 1))
+    _gather(normal, right, index, deviations, whole)
+    determinant, delta_chi2 = _eliminated(whole, len(own))
     return float(log_evidence(chi_square - delta_chi2, determinant, rows)), delta_chi2
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    normal: FloatArray,
+    right: FloatArray,
+    index: IntArray,
+    deviation: FloatArray,
+    whole: FloatArray,
+) -> None:
+    """Fill the upper triangles of `whole` (3, k + 1, k + 1): k equations, the right side last."""
+    size = len(index)
+    for axis in range(3):
+        for i in range(size):
+            for k in range(i, size):
+                scale = deviation[i] * deviation[k]
+                whole[axis, i, k] = normal[axis, index[i], index[k]] * scale
+            whole[axis, i, size] = right[axis, index[i]] * deviation[i]
+        whole[axis, size, size] = 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 
 FIRST_COLUMN_CAPACITY = 2048
 """Columns there is room for at first; memory that is not written to costs nothing."""
@@ -63,6 +65,15 @@ class ProductTable:
         self._multiply(index, index)
         return self._normal[:, index[:, None], index], self._right[:, index]
 
+    def products_among(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrices (3, …, …) and right-hand sides (3, …) of all there is room for.
+
+        They hold the products of `columns` with each other.
+        """
+        index = np.array(columns, dtype=np.int64)
+        self._multiply(index, index)
+        return self._normal, self._right
+
     def products(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, c, c) and right-hand sides (3, c) of all columns, as views.
 
@@ -73,6 +84,8 @@ class ProductTable:
 
     def _multiply(self, one: IntArray, other: IntArray) -> None:
         """Compute the products of columns with others that are not known yet."""
+        if _all_known(self._known, one, other):
+            return
         for least_share in (0.5, 0.0):  # few columns with many others, then many with few
             lacking = ~self._known[one[:, None], other]
             if not lacking.any():
@@ -110,6 +123,16 @@ class ProductTable:
             self._normal = np.pad(self._normal, ((0, 0), (0, more), (0, more)))
             self._known = np.pad(self._known, (0, more))
             self._right = np.pad(self._right, ((0, 0), (0, more)))
+
+
+@njit(cache=True, nogil=True)
+def _all_known(known: NDArray[np.bool_], one: IntArray, other: IntArray) -> bool:
+    """Tell whether the products of all columns with all others are known."""
+    for row in one:
+        for column in other:
+            if not known[row, column]:
+                return False
+    return True
 
 
 def _neighbours(index: IntArray) -> bool:

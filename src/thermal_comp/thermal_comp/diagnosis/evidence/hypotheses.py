@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -73,6 +73,8 @@ class SensorHypotheses:
         self.rows = 3 * design.rows - design.base_rank
         self.fits: dict[Names, tuple[Component, ...]] = {}
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
+        self._likeliest: dict[Hashable, Sequence[CoefficientPrior]] = {}
+        """Components → the nuisances that are likeliest beside them."""
         self._weigh_nuisances()
 
     def allow_unnamed(self) -> None:
@@ -87,6 +89,7 @@ class SensorHypotheses:
         self._weigh_nuisances()
 
     def _weigh_nuisances(self) -> None:
+        self._likeliest.clear()
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())[0]
         alone = self.joint((), likeliest[:1])[1]
@@ -100,10 +103,11 @@ class SensorHypotheses:
 
         Slow noise seen beside no effect may be what a large effect has done.
         """
-        likely = [
-            log_prior + self.joint(components, some)[0] for log_prior, some in self.nuisances
-        ]
-        return self.nuisances[int(np.argmax(likely))][1]
+        key = tuple((c.form.effect, c.form.run, c.amplitude) for c in components)
+        if key not in self._likeliest:
+            likely = [ln + evidence for ln, (evidence, _) in self._alternatives(components)]
+            self._likeliest[key] = self.nuisances[int(np.argmax(likely))][1]
+        return self._likeliest[key]
 
     def _prior_chi2(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
@@ -150,8 +154,8 @@ class SensorHypotheses:
     ) -> tuple[float, float]:
         """Return ln evidence and Δχ² of components beside one alternative of the nuisances."""
         together = [*nuisances, *(c.prior for c in components)]
-        normal, right = self.design.equations([c for prior in together for c in prior.columns])
-        return joint_evidence(normal, right, self.design.chi_square, self.rows, together)
+        known = self.design.products_among([c for prior in together for c in prior.columns])
+        return joint_evidence(*known, self.design.chi_square, self.rows, together)
 
     def evidence(self, components: Sequence[Component], name: str | None = None) -> float:
         """Return 2 ln of the Bayes factor of one effect in a set, or of the set."""
