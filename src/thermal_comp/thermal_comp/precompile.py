@@ -39,7 +39,9 @@ def precompile() -> None:
     gains = innovation_gains(slot, noise, 0, 3.0)
     apply_transposed(apply_gains(values[:, None], gains), gains)
     prior = CoefficientPrior((0,), shared=False, deviation=np.ones(1))
-    joint_evidence(*ProductTable(1).products_among([0]), 3.0, 3, [prior])
+    table = ProductTable(1)
+    table.settle(table.append([np.ones((1, 3, 1))]), np.ones((3, 1)))
+    joint_evidence(*table.products_among([0]), 3.0, 3, [prior])
     recording = _recording()
     with tempfile.TemporaryDirectory() as folder:
         for storage, compression in COMPILED_BAG_FORMATS:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.motion import resting
+from thermal_comp.data.parts_at_rest import parts_at_rest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs
@@ -42,7 +43,7 @@ UNNAMED_DEVICE = 'device'
 
 @dataclass(frozen=True, eq=False)
 class RunAnalysis:
-    """One recording and what follows from it."""
+    """One recording, or its part before or after a turn, and what follows from it."""
 
     name: str
     device: str
@@ -133,10 +134,12 @@ def analyse_recordings(
     certified = certified_models(devices, prepared, diagnosed, given)
     diagnoses = [found for found, _ in diagnosed]
     by_name = {run.name: run for run in prepared}
-    runs = [
-        analyse_run(recording, devices[recording.device].model, by_name.get(recording.run), found)
-        for recording, found in zip(recordings, angles, strict=True)
-    ]
+    runs: list[RunAnalysis] = []
+    for recording, found in zip(recordings, angles, strict=True):
+        model = devices[recording.device].model
+        first, *later = parts_at_rest(recording).recordings
+        runs.append(analyse_run(first, model, by_name.get(first.run), found))
+        runs += [analyse_run(part, model, by_name.get(part.run), ()) for part in later]
     return Analysis(
         runs=tuple(runs),
         devices=tuple(with_problems(devices, diagnoses)),
@@ -273,16 +276,22 @@ def analyse_run(
     prepared: PreparedRun | None,
     attitudes: tuple[FilterAttitude, ...],
 ) -> RunAnalysis:
-    """Return what follows from one recording under a model."""
+    """Return what follows from one recording, or part of one, under a model.
+
+    Rows at the ends in which nothing was measured are left out: of a part, all before and after.
+    """
+    tracks = np.concatenate([getattr(recording, f) for f in SENSOR_FIELDS.values()], axis=1)
+    measured = np.flatnonzero(np.isfinite(tracks).any(axis=1))
+    shown = recording.rows(slice(measured[0], measured[-1] + 1)) if len(measured) else recording
     return RunAnalysis(
         name=recording.run,
         device=recording.device,
-        recording=recording,
-        kept=after_startup(recording),
+        recording=shown,
+        kept=after_startup(shown),
         hash=prepared.hash if prepared else columns_hash(recording),
         errors=errors_of_run(prepared, model) if prepared and model else None,
         attitudes=attitudes,
-        interpolated=is_slow(recording),
+        interpolated=is_slow(shown),
     )
 
 
