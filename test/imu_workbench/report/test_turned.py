@@ -33,6 +33,7 @@ def test_each_part_has_its_figures_and_tables(run: Callable[..., ImuRecording]) 
     assert [part.recording.up_axis for part in analysis.runs] == ['+x', '-x']
     assert all(part.errors for part in analysis.runs)
     first, second = analysis.runs
+    assert len(first.recording) + len(second.recording) <= len(whole)
     assert first.attitudes
     assert not second.attitudes  # the filters saw the whole of it
     page = report_page(report_content(analysis, commands=[], versions={}))
