@@ -17,7 +17,10 @@ ONE_COUNT_SHARE = 0.95
 """Share of changes by one count among all from which counts are coarser than the noise."""
 COUNTS_OF_NOISE = np.geomspace(1.0, 30.0, 200)
 """Ratios of a count to the noise that are told from one another."""
-EVERY_HARMONIC = np.arange(1, 100)
+HARMONICS = np.arange(1, 100)
+"""Orders k of the sum over waves: those beyond are nothing beside the noise."""
+MOST_COUNTS = 2.0
+"""Size [counts] as which a larger step is taken: it is a spike, not noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +37,7 @@ class Rounding:
         """Return that of samples (n, 3)."""
         count = coarse_counts(values)
         count = np.where(np.isfinite(count), count, 0.0)
-        rows = some_rows(len(values) - 1)
-        with np.errstate(invalid='ignore'):
-            steps = values[rows + 1] - values[rows]
+        steps = _some_steps(values)
         noise = [_noise_beside(c, column) for c, column in zip(count, steps.T, strict=True)]
         return cls(count, np.array(noise))
 
@@ -55,10 +56,7 @@ def coarse_counts(values: FloatArray) -> FloatArray:
     ∞ where an axis never changes.
     """
     counts = np.zeros(values.shape[1])
-    rows = some_rows(len(values) - 1)
-    with np.errstate(invalid='ignore'):
-        steps = np.abs(values[rows + 1] - values[rows])
-    for axis, column in enumerate(steps.T):
+    for axis, column in enumerate(_some_steps(values).T):
         moved = column[column > 0.0]
         if not len(moved):
             counts[axis] = np.inf
@@ -67,18 +65,25 @@ def coarse_counts(values: FloatArray) -> FloatArray:
     return counts
 
 
+def _some_steps(values: FloatArray) -> FloatArray:
+    """Return the sizes (k, 3) of steps from row to row, of long recordings evenly spread ones."""
+    rows = some_rows(len(values) - 1)
+    with np.errstate(invalid='ignore'):
+        return np.abs(values[rows + 1] - values[rows])
+
+
 def _noise_beside(count: float, steps: FloatArray) -> float:
-    """Return the noise of samples whose steps (n,) are whole counts; 0 for a count of 0.
+    """Return the noise of samples whose steps have sizes (n,) of whole counts; 0 for a count of 0.
 
     Of the mean square of a step, wherever the signal stands between two counts:
     2 (σ² + q²/12 − Σ ½ (q/(πk))² exp(−4π²k²σ²/q²)).
     """
-    known = np.abs(steps[np.isfinite(steps)])
+    known = steps[np.isfinite(steps)]
     if count == 0.0 or not len(known):
         return 0.0
-    square = float((np.minimum(np.round(known / count), 2.0) ** 2).mean())
-    each = np.exp(-((2.0 * np.pi * EVERY_HARMONIC / COUNTS_OF_NOISE[:, None]) ** 2))
-    waves = (each / (np.pi * EVERY_HARMONIC) ** 2).sum(axis=1)
+    square = float((np.minimum(np.round(known / count), MOST_COUNTS) ** 2).mean())
+    each = np.exp(-((2.0 * np.pi * HARMONICS / COUNTS_OF_NOISE[:, None]) ** 2))
+    waves = (each / (np.pi * HARMONICS) ** 2).sum(axis=1)
     expected = 2.0 * (1.0 / COUNTS_OF_NOISE**2 + 1.0 / 12.0) - waves
     return count / float(np.interp(-square, -expected, COUNTS_OF_NOISE))
 

@@ -39,8 +39,7 @@ def rounding_errors(design: CandidateDesign) -> list[CoefficientPrior]:
         waves = [_waves(*pair) for pair in zip(signals, read, strict=True)]
         pairs = zip(runs, waves, design.valid, strict=True)
         means = [run.block_mean(wave)[ok] for run, wave, ok in pairs]
-        beside = stack_runs(means, per_run=True)
-        coefficients = course.coefficients(beside, np.ones((3, beside.shape[2])))
+        coefficients = course.coefficients(stack_runs(means, per_run=True))
     wave_of = {run.name: wave for run, wave in zip(runs, waves, strict=True)}
 
     def slowly_changing(run: PreparedRun) -> FloatArray:

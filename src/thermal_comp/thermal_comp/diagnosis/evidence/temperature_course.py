@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -45,19 +46,21 @@ class TemperatureCourse:
             columns.append(np.column_stack([lines, x**2, x**3, temperature_history(run)]))
         return cls(design, low, span, columns)
 
-    def coefficients(
-        self, beside: FloatArray | None = None, deviation: FloatArray | None = None
-    ) -> FloatArray:
+    @cached_property
+    def _stacked(self) -> FloatArray:
+        """(rows, 2 r + 2 + h) means of the columns over the valid blocks of all runs."""
+        runs = zip(self.design.source.smoothed, self.columns, self.design.valid, strict=True)
+        return np.concatenate([run.block_mean(columns)[ok] for run, columns, ok in runs])
+
+    def coefficients(self, beside: FloatArray | None = None) -> FloatArray:
         """Return the coefficients (2 r + 2 + h, 3) of the columns along the design's axes.
 
         They are those of a ridge regression, as large as the priors of bends and of the
-        thermometer's lag allow. `beside` (rows, 3, q): further columns of the valid blocks, with
-        the standard deviation (3, q) of their coefficients.
+        thermometer's lag allow. `beside` (rows, 3, q): further columns of the valid blocks, whose
+        coefficients are about one.
         """
-        runs = self.design.source.smoothed
-        pairs = list(zip(runs, self.design.valid, strict=True))
-        blocks = [r.block_mean(c)[ok] for c, (r, ok) in zip(self.columns, pairs, strict=True)]
-        stacked = np.concatenate(blocks)
+        runs, stacked = self.design.source.smoothed, self._stacked
+        pairs = zip(runs, self.design.valid, strict=True)
         measured = np.concatenate([run.measured[self.design.sensor][ok] for run, ok in pairs])
         measured = measured @ self.design.axes
         width = 2 * len(runs)
@@ -73,10 +76,9 @@ class TemperatureCourse:
             typical = float(np.abs(plain[1:width:2]).mean()) / self.span
             free = np.full(width, np.inf)  # a line, also where its slope is zero
             bends = np.maximum(allowed * typical, 1e-300)
-            others = np.zeros(0) if deviation is None else np.maximum(deviation[axis], 1e-300)
             ridge = np.concatenate([
                 np.column_stack([stacked, further]),
-                np.diag(left / np.concatenate([free, bends, others])),
+                np.diag(left / np.concatenate([free, bends, np.ones(further.shape[1])])),
             ])  # fmt: skip
             size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
             target = np.append(measured[:, axis], np.zeros(ridge.shape[1]))
@@ -87,10 +89,7 @@ class TemperatureCourse:
 
 @dataclass(frozen=True, eq=False)
 class TemperatureSlope:
-    """Slope over temperature of each run along a design's axes.
-
-    It is the derivative of its course.
-    """
+    """Slope over temperature of each run along a design's axes: the derivative of its course."""
 
     low: float
     """Lowest temperature [°C] …"""
