@@ -7,8 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from imu_recording.recording import SENSOR_FIELDS
-from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY, credible, probability
@@ -18,7 +16,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.of_runs import determined_noise
 
-from ...campaign import PERIOD, WHITE, chamber, lagging, run
+from ...campaign import PERIOD, chamber, lagging, run
 
 
 @cache
@@ -76,23 +74,20 @@ def said_of(
     error: np.ndarray,
     catalogue: tuple[str, ...],
     only: int | None = None,
-    sensor: Sensor = 'gyroscope',
     **logged: np.ndarray,
 ) -> SensorAnswer:
     """Return what explains an error (n,) in three runs, or in only one of them.
 
-    `error` is that of a gyroscope [rad/s], of another sensor as much in units of its noise;
-    `logged`: channels beside the temperature.
+    `error` is that of a gyroscope [rad/s]; `logged`: channels beside the temperature.
     """
-    field = SENSOR_FIELDS[sensor]
-    shaped = error[:, None] * np.array([1.0, -0.5, 0.7]) * WHITE[field] / WHITE['angular_velocity']
-    felt = [{field: shaped * (only in (None, k))} for k in range(3)]
+    shaped = error[:, None] * np.array([1.0, -0.5, 0.7])
+    felt = [{'angular_velocity': shaped * (only in (None, k))} for k in range(3)]
     recordings = [run(up, seed=k, error=felt[k]) for k, up in enumerate(('+x', '+y', '+z'))]
     runs = prepare([replace(recording, **logged) for recording in recordings])
-    base = {sensor: (BiasTemperature(),)}
+    base = {'gyroscope': (BiasTemperature(),)}
     settings = Settings({name: EFFECTS[name] for name in catalogue})
     noise = determined_noise(runs, base)[0]
-    return search_sensors(runs, base, noise, settings)[sensor]
+    return search_sensors(runs, base, noise, settings)['gyroscope']
 
 
 def test_what_the_equation_of_a_large_effect_lacks_is_no_second_effect() -> None:
@@ -159,20 +154,19 @@ def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
     assert probability(logged.explanations, lambda e: e.names == ('unlogged',)) < 0.05
 
 
-@pytest.mark.parametrize('sensor', ['gyroscope', 'magnetometer'])
-def test_humidity_that_was_not_logged_is_said_to_be_lacking(sensor: Sensor) -> None:
+def test_humidity_that_was_not_logged_is_said_to_be_lacking() -> None:
     """Closed air of dew point 5 °C, taken up in 40 minutes: its log would have told."""
     time, temperature, *_ = chamber()
     dew, air = (17.62 * t / (243.12 + t) for t in (np.array(5.0), temperature))
     humidity = np.minimum(np.exp(dew - air), 1.0)
     taken_up = humidity - lagging(humidity, 2400.0, float(time[1] - time[0]))
-    said = said_of(1e-3 * taken_up, tuple(EFFECTS), sensor=sensor)
+    said = said_of(1e-3 * taken_up, tuple(EFFECTS))
     assert said.kind == 'unlogged'
     assert said.likeliest.depends_on == 'humidity'
     assert said.probability_of('unlogged') > 0.9
     assert said.named == ()
     assert not any(effect.guessed_channel for effect in said.closest)
-    logged = said_of(1e-3 * taken_up, tuple(EFFECTS), sensor=sensor, humidity=humidity)
+    logged = said_of(1e-3 * taken_up, tuple(EFFECTS), humidity=humidity)
     assert 'humidity' in logged.likeliest.names
     assert logged.kind == 'named'
 
