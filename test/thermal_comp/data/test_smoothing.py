@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-from thermal_comp.data.conditions import settled_conditions
-from thermal_comp.data.smoothing import smoothed_conditions, smoothed_temperature
+from thermal_comp.data.conditions import Conditions, settled_conditions
+from thermal_comp.data.smoothing import (
+    errors_between_bursts,
+    smoothed_conditions,
+    smoothed_temperature,
+)
 from thermal_comp.effects.operators import follow
 from thermal_comp.effects.temperature_rate import TemperatureRate
 
@@ -91,15 +95,23 @@ def test_too_few_rows_stay_as_they_are() -> None:
     np.testing.assert_array_equal(smoothed_temperature(np.arange(3.0), values), values)
 
 
+def in_bursts(
+    time: np.ndarray, temperature: np.ndarray, every: int, length: int
+) -> tuple[Conditions, np.ndarray]:
+    """Return what was logged in bursts of so many seconds, and which rows (n,) these are."""
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(time))
+    shown = time % every < length
+    whole = replace(settled_conditions(20.0), time=time, temperature=temperature + noise)
+    whole = replace(whole, **{name: np.zeros((len(time), 3)) for name in INPUTS})
+    return whole.rows(shown), shown
+
+
 @pytest.mark.parametrize(('every', 'length'), [(300, 5), (600, 5), (600, 60), (1800, 60)])
 def test_bursts_tell_rate_and_lag_by_the_course_between_them(every: int, length: int) -> None:
     time, true = ramps(1.0)
     package = lagging(true, 300.0, 1.0)
     slow = lagging(package, 600.0, 1.0)
-    noise = 0.05 * np.random.default_rng(1).standard_normal(len(time))
-    shown = time % every < length
-    there = replace(settled_conditions(20.0), time=time, temperature=package + noise)
-    there = replace(there, **{name: np.zeros((len(time), 3)) for name in INPUTS}).rows(shown)
+    there, shown = in_bursts(time, package, every, length)
     smooth, row = smoothed_conditions(there)
     np.testing.assert_allclose(smooth.time[row], time[shown], atol=1e-9)
     rate = TemperatureRate().columns_in_hindsight(smooth)[row, 0]
@@ -108,3 +120,27 @@ def test_bursts_tell_rate_and_lag_by_the_course_between_them(every: int, length:
     behind = (follow(smooth.time, smooth.temperature, 600.0)[0] - smooth.temperature)[row]
     true_behind = (slow - package)[shown]
     assert np.std(behind - true_behind) < 0.15 * np.std(true_behind)
+
+
+@pytest.mark.parametrize(('every', 'length'), [(600, 5), (900, 5), (1800, 60)])
+def test_the_curve_through_bursts_misses_no_more_than_is_said(every: int, length: int) -> None:
+    time, true = ramps(1.0)
+    package = lagging(true, 300.0, 1.0)
+    there, _ = in_bursts(time, package, every, length)
+    smooth, _ = smoothed_conditions(there)
+    missed = np.abs(smooth.temperature - np.interp(smooth.time, time, package))
+    said = errors_between_bursts(there, 1000)
+    assert said.shape == (len(smooth), len(np.unique(there.time // every)) - 1)
+    largest = errors_between_bursts(there, 2)
+    assert {*largest.max(axis=0)} <= {*said.max(axis=0)}
+    assert largest.max() == said.max()
+    between = said.any(axis=1)
+    allowed = said[between].sum(axis=1)
+    assert (missed[between] < 2.0 * allowed + 0.05).mean() > 0.9
+    assert np.sqrt((allowed**2).mean()) < 0.25 * package.std()
+
+
+def test_nothing_is_missed_where_there_are_no_bursts() -> None:
+    time, true = ramps(5.0)
+    there, _ = in_bursts(time, true, 5, 5)
+    assert errors_between_bursts(there, 12).shape == (len(time), 0)

@@ -127,11 +127,50 @@ def _through_bursts(
         inside = np.interp(there, time, smooth)
         between = CubicHermiteSpline(time[ends], smooth[ends], slope[ends])(there)
         return np.where(np.isin(there, time), inside, between)
-    middle = np.array([time[rows].mean() for rows in bursts])
-    mean = np.array([measured[rows].mean() for rows in bursts])
+    middle, mean = _middles(time, bursts), _middles(measured, bursts)
     # Beyond either end it goes on as between the last two, not on a parabola.
     middle, mean = (np.pad(v, 2, mode='reflect', reflect_type='odd') for v in (middle, mean))
     return np.asarray(Akima1DInterpolator(middle, mean)(there))
+
+
+def _middles(values: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
+    return np.array([values[rows].mean() for rows in bursts])
+
+
+def errors_between_bursts(conditions: Conditions, most: int) -> FloatArray:
+    """Return (n, e) the `most` largest of what smoothed temperatures may be off by [K].
+
+    It is a parabola in each gap. A curve that leaves out a burst misses it: at a corner of the
+    temperature, which is what it misses most, by twice as much as the curve through all bursts
+    misses between them. (n, 0) without bursts.
+    """
+    time = conditions.time
+    there = smoothed_conditions(conditions)[0].time
+    bursts = _bursts(time)
+    if not bursts:
+        return np.zeros((len(there), 0))
+    missed = 0.5 * _missed_bursts(conditions, bursts)
+    size = np.maximum(missed[1:], missed[:-1])
+    gaps = np.argsort(-size)[:most]
+    begin = np.array([time[bursts[gap][-1]] for gap in gaps])
+    end = np.array([time[bursts[gap + 1][0]] for gap in gaps])
+    share = (there[:, None] - begin) / (end - begin)
+    return np.asarray(4.0 * size[gaps] * np.maximum(share * (1.0 - share), 0.0))
+
+
+def _missed_bursts(conditions: Conditions, bursts: Sequence[IntArray]) -> FloatArray:
+    """(b,) how far a curve through every other burst misses each of those between [K]."""
+    middle, mean = (_middles(v, bursts) for v in (conditions.time, conditions.temperature))
+    missed = np.zeros(len(bursts))
+    for first in (1, 2):
+        left_out = np.arange(first, len(bursts) - 1, 2)
+        others = [rows for k, rows in enumerate(bursts) if k not in set(left_out.tolist())]
+        curve = _through_bursts(
+            conditions.time, conditions.temperature, others, np.nextafter(middle[left_out], np.inf)
+        )
+        missed[left_out] = np.abs(curve - mean[left_out])
+    missed[[0, -1]] = missed[[1, -2]]
+    return missed
 
 
 @dataclass(frozen=True, eq=False)

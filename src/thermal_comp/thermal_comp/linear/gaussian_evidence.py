@@ -205,6 +205,28 @@ def _joined(priors: Sequence[CoefficientPrior]) -> tuple[list[int], FloatArray]:
     return columns, np.concatenate([np.zeros(0), *(prior.deviation for prior in priors)])
 
 
+def likeliest_coefficients(
+    normal: FloatArray, right: FloatArray, priors: Sequence[CoefficientPrior]
+) -> FloatArray:
+    """Return (3, k) likeliest coefficients of the columns of priors, of unit length, in order.
+
+    `normal` (3, c, c) and `right` (3, c) are equations of which those of `priors` count.
+    """
+    columns, deviation = _joined(priors)
+    shared = np.repeat([p.shared for p in priors], [len(p.columns) for p in priors])
+    size = len(columns)
+    # Each axis has an unknown for every coefficient that is its own; shared ones come last.
+    place = np.arange(size) + size * np.where(shared, 3, np.arange(3)[:, None])
+    whole, target = np.eye(4 * size), np.zeros(4 * size)
+    for axis, index in enumerate(place):
+        whole[np.ix_(index, index)] += normal[axis][np.ix_(columns, columns)] * np.outer(
+            deviation, deviation
+        )
+        target[index] += right[axis, columns] * deviation
+    answer = np.linalg.solve(whole, target)
+    return np.asarray(answer[place] * deviation)
+
+
 def log_evidence(
     chi_square: FloatArray | float, log_determinant: FloatArray | float, rows: int
 ) -> FloatArray | float:

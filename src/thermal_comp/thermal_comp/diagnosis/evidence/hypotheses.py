@@ -8,6 +8,7 @@ from collections.abc import Hashable, Mapping, Sequence
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.smoothing import errors_between_bursts
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import (
     Family,
@@ -23,6 +24,10 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
+from thermal_comp.diagnosis.evidence.temperature_between_bursts import (
+    MOST_ERRORS,
+    felt_errors,
+)
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -75,6 +80,12 @@ class SensorHypotheses:
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
         self._likeliest: dict[Hashable, Sequence[CoefficientPrior]] = {}
         """Components → the nuisances that are likeliest beside them."""
+        self._between_bursts = [
+            errors_between_bursts(run.conditions, MOST_ERRORS) for run in design.source.runs
+        ]
+        """(n, e) per run: what the temperature may be off by between bursts [K]."""
+        self._felt_between: dict[Hashable, Sequence[CoefficientPrior]] = {}
+        """Components → what they make of the temperature between bursts."""
         self._weigh_nuisances()
 
     def allow_unnamed(self) -> None:
@@ -90,6 +101,7 @@ class SensorHypotheses:
 
     def _weigh_nuisances(self) -> None:
         self._likeliest.clear()
+        self._felt_between.clear()
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())[0]
         alone = self.joint((), likeliest[:1])[1]
@@ -103,7 +115,7 @@ class SensorHypotheses:
 
         Slow noise seen beside no effect may be what a large effect has done.
         """
-        key = tuple((c.form.effect, c.form.run, c.amplitude) for c in components)
+        key = _key(components)
         if key not in self._likeliest:
             likely = [ln + evidence for ln, (evidence, _) in self._alternatives(components)]
             self._likeliest[key] = self.nuisances[int(np.argmax(likely))][1]
@@ -130,14 +142,32 @@ class SensorHypotheses:
         whether the thermometer's errors are.
         """
         nuisances = self.likeliest_nuisances(components)
+        key = _key(components)
+        if key not in self._felt_between:
+            felt = felt_errors(self.design, self._between_bursts, components, nuisances)
+            self._felt_between[key] = felt
         integrated = [
             *(nuisances if thermometer else nuisances[1:]),
+            *self._felt_between[key],
             *(c.prior for c in components),
             *generic,
         ]
         design = self.design
         normal, right = design.products([c for prior in integrated for c in prior.columns])
         return conditioned(normal, right, design.chi_square, self.rows, integrated)
+
+    def log_odds_between_bursts(self, components: Sequence[Component]) -> float:
+        """Return ln of the odds that the temperature was another one between bursts.
+
+        It is what components gain in evidence where it is unknown there; 0 without bursts.
+        """
+        nuisances = self.likeliest_nuisances(components)
+        with self.design.trials():
+            felt = felt_errors(self.design, self._between_bursts, components, nuisances)
+            if not felt:
+                return 0.0
+            unknown = self.joint(components, [*nuisances, *felt])[0]
+            return unknown - self.joint(components, nuisances)[0]
 
     def log_evidence(self, components: Sequence[Component]) -> tuple[float, float]:
         """Return ln evidence, nuisances integrated, and Δχ² beside them."""
@@ -194,6 +224,11 @@ class SensorHypotheses:
         orders = np.log(np.arange(1, effects + 1)).sum()
         families = len(self.families) + len(self.guesses)
         return float(np.log(count) + orders - effects * np.log(max(families, 1)))
+
+
+def _key(components: Sequence[Component]) -> Hashable:
+    """Return what tells components apart."""
+    return tuple((c.form.effect, c.form.run, c.amplitude) for c in components)
 
 
 def _visible(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:

@@ -139,6 +139,7 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
         components, total = scaled(hypotheses, components, place)
         occam += total + _shape_share(hypotheses, components, place)
     evidence, explained = hypotheses.log_evidence(components)
+    evidence += hypotheses.log_odds_between_bursts(components)
     explained -= hypotheses.explained_by_nuisances
     prior = hypotheses.log_prior(len(components)) + _amplitudes_log_prior(components)
     return EffectSet(

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the temperature may have done between bursts, seen by effects that remember it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.diagnosis.evidence.effect_sets import Component
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.candidate_design import CandidateDesign
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
+
+MOST_ERRORS = 12
+"""Errors of the temperature between the bursts of a run: a chamber's course has a corner or two
+at each end of a ramp, and is well known between them."""
+
+Law: TypeAlias = tuple[Effect, FloatArray]
+"""One effect and its (p, 3) coefficients."""
+
+
+def felt_errors(
+    design: CandidateDesign,
+    errors: Sequence[FloatArray],
+    components: Sequence[Component],
+    nuisances: Sequence[CoefficientPrior],
+) -> list[CoefficientPrior]:
+    """Return what components make of errors (n, e) of each run's temperature between bursts.
+
+    It is that of effects with the coefficients that are likeliest beside the nuisances, along one
+    course on all axes. [] where there are no errors, or nobody feels them.
+    """
+    if not components or not any(some.size for some in errors):
+        return []
+    runs = design.source.smoothed
+    error_of = {run.name: some for run, some in zip(runs, errors, strict=True)}
+    laws = _laws(design, components, nuisances)
+
+    def responses(run: PreparedRun) -> FloatArray:
+        return _responses(laws, error_of[run.name], run, design.sensor)
+
+    term = design.generic_terms([(responses, True)], runs=runs)[0]
+    return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
+
+
+def _laws(
+    design: CandidateDesign,
+    components: Sequence[Component],
+    nuisances: Sequence[CoefficientPrior],
+) -> list[Law]:
+    """Return the effects whose axes each follow one course, with their coefficients."""
+    allowed = [*(c.prior for c in components), *nuisances]
+    normal, right = design.products_among([c for prior in allowed for c in prior.columns])
+    found = likeliest_coefficients(normal, right, allowed)
+    laws: list[Law] = []
+    for component in components:
+        form = component.form
+        for effect, term in zip(form.effect.parts(), form.terms, strict=True):
+            columns = list(term.columns)
+            if form.run is None and not term.shared and not effect.per_run:
+                size = design.size_of(term)[:, None]
+                known = found[:, : len(columns)].T
+                laws.append((effect, np.where(size > 0.0, known / np.maximum(size, 1e-300), 0.0)))
+            found = found[:, len(columns) :]
+    return laws
+
+
+def _responses(
+    laws: Sequence[Law], errors: FloatArray, run: PreparedRun, sensor: Sensor
+) -> FloatArray:
+    """(m, 3, e) change of what effects do to the block means, by errors (n, e) of temperature."""
+    answer = np.zeros((len(run), 3, errors.shape[1]))
+    for effect, coefficients in laws:
+        means = partial(_block_means, effect, run, run.conditions.of(sensor))
+        before = means(0.0)
+        if before.ndim > 2:
+            continue  # it differs between axes: it follows force, field or rate
+        for place, error in enumerate(errors.T):
+            answer[:, :, place] += (means(error) - before) @ coefficients
+    return answer
+
+
+def _block_means(
+    effect: Effect, run: PreparedRun, conditions: Conditions, more: FloatArray | float
+) -> FloatArray:
+    """Return the columns of an effect in a run whose temperature is higher by so much."""
+    changed = replace(conditions, temperature=conditions.temperature + more)
+    return run.block_mean(effect.columns_in_hindsight(changed))
