@@ -118,6 +118,28 @@ def test_ctrl_c_leaves_no_traceback(verb: list[str], bags: Path, tmp_path: Path)
     assert not list(tmp_path.iterdir())
 
 
+def test_ctrl_c_that_meets_a_callback_of_python_is_not_lost() -> None:
+    """What a weak reference calls may raise nothing: Python says so and goes on."""
+    program = """
+import os, select, signal, sys, weakref
+from imu_workbench import __main__ as workbench
+
+class Dropped:
+    pass
+
+def main(argv):
+    dropped = Dropped()
+    ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+    del dropped
+    select.select([], [], [], 60.0)
+
+workbench._answer = main
+sys.exit(workbench.run_process(['explain', 'residual']))
+"""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, check=False)
+    assert (done.returncode, done.stderr.decode()) == (130, 'explain: interrupted\n')
+
+
 def test_a_plain_or_closed_terminal_is_no_traceback() -> None:
     explain = [*WORKBENCH, 'explain', 'thermal_lag']
     plain = {**os.environ, 'PYTHONIOENCODING': 'ascii'}

@@ -20,6 +20,7 @@ if __name__ == '__main__':  # Ctrl-C before everything is imported leaves no tra
 import argparse
 import io
 import sys
+import threading
 from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -35,6 +36,8 @@ from imu_workbench.outputs import refuse_to_destroy
 OWN_PACKAGES = ('imu_recording', 'imu_driver', 'thermal_comp', 'orientation_filters',
                 'chamber_profile', 'imu_workbench')  # fmt: skip
 """Packages of this workspace: a module of theirs that is missing is no library to install."""
+AFTER_CALLBACK_S = 0.05
+"""How long after a callback has lost Ctrl-C it is sent again [s]."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -183,10 +186,19 @@ def missing_library(error: Exception) -> UserError | None:
 def run_process(argv: list[str]) -> int:
     """Run one verb as all that this process does; what ends it cannot be interrupted any more."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.unraisablehook = _interrupt_again
     try:
         return main(argv)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _interrupt_again(lost: sys.UnraisableHookArgs) -> None:
+    """Send Ctrl-C once more where it met a callback of Python's own, which loses it."""
+    if isinstance(lost.exc_value, KeyboardInterrupt):
+        threading.Timer(AFTER_CALLBACK_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def run_verb() -> int:
