@@ -151,7 +151,7 @@ def errors_between_bursts(conditions: Conditions, most: int) -> FloatArray:
         return np.zeros((len(there), 0))
     missed = 0.5 * _missed_bursts(conditions, bursts)
     size = np.maximum(missed[1:], missed[:-1])
-    gaps = np.argsort(-size)[:most]
+    gaps = np.argsort(-size, kind='stable')[:most]
     begin = np.array([time[bursts[gap][-1]] for gap in gaps])
     end = np.array([time[bursts[gap + 1][0]] for gap in gaps])
     share = (there[:, None] - begin) / (end - begin)
