@@ -121,7 +121,7 @@ def test_ctrl_c_leaves_no_traceback(verb: list[str], bags: Path, tmp_path: Path)
 def test_ctrl_c_that_meets_a_callback_of_python_is_not_lost() -> None:
     """What a weak reference calls may raise nothing: Python says so and goes on."""
     program = """
-import os, select, signal, sys, weakref
+import select, signal, sys, weakref
 from imu_workbench import __main__ as workbench
 
 class Dropped:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
 from thermal_comp.data.gaps import decays_after_gaps
 from thermal_comp.data.rounding import Rounding
-from thermal_comp.data.smoothing import smoothed_conditions
+from thermal_comp.data.smoothing import errors_between_bursts, smoothed_conditions
 
 if TYPE_CHECKING:
     from thermal_comp.effects.effect import Effect
@@ -92,6 +92,11 @@ class PreparedRun:
         for sensor, values in self.fine_measured.items():
             measured[sensor][row] = values
         return replace(self, conditions=conditions, starts=starts, fine_measured=measured)
+
+    @cached_property
+    def errors_between_bursts(self) -> FloatArray:
+        """(n, e) what the temperature of the smoothed run's fine rows may be off by [K]."""
+        return errors_between_bursts(self.conditions)
 
     @cached_property
     def time(self) -> FloatArray:

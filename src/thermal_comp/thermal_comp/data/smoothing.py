@@ -34,6 +34,9 @@ LONGEST_SHORT_BURST_ROWS = 30
 """Rows of the longest below which bursts tell no rate."""
 ROWS_BETWEEN_BURSTS = 5
 """Rows that tell the course between two bursts."""
+MOST_ERRORS = 12
+"""Gaps between bursts in which the temperature is taken to be unknown: a chamber's course has a
+corner or two at each end of a ramp, and is well known between them."""
 MARGIN_WIDTHS = 8.0
 """Length of the mirror image at either end, in widths: what lies beyond changes nothing."""
 LONGEST_TURN = 6.0
@@ -137,8 +140,8 @@ def _middles(values: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
     return np.array([values[rows].mean() for rows in bursts])
 
 
-def errors_between_bursts(conditions: Conditions, most: int) -> FloatArray:
-    """Return (n, e) the `most` largest of what smoothed temperatures may be off by [K].
+def errors_between_bursts(conditions: Conditions) -> FloatArray:
+    """Return (n, e) the largest errors that smoothed temperatures may have between bursts [K].
 
     It is a parabola in each gap. A curve that leaves out a burst misses it: at a corner of the
     temperature, which is what it misses most, by twice as much as the curve through all bursts
@@ -151,7 +154,7 @@ def errors_between_bursts(conditions: Conditions, most: int) -> FloatArray:
         return np.zeros((len(there), 0))
     missed = 0.5 * _missed_bursts(conditions, bursts)
     size = np.maximum(missed[1:], missed[:-1])
-    gaps = np.argsort(-size, kind='stable')[:most]
+    gaps = np.argsort(-size, kind='stable')[:MOST_ERRORS]
     begin = np.array([time[bursts[gap][-1]] for gap in gaps])
     end = np.array([time[bursts[gap + 1][0]] for gap in gaps])
     share = (there[:, None] - begin) / (end - begin)

@@ -8,7 +8,6 @@ from collections.abc import Hashable, Mapping, Sequence
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.smoothing import errors_between_bursts
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import (
     Family,
@@ -24,10 +23,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
-from thermal_comp.diagnosis.evidence.temperature_between_bursts import (
-    MOST_ERRORS,
-    felt_errors,
-)
+from thermal_comp.diagnosis.evidence.temperature_between_bursts import felt_errors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -80,10 +76,6 @@ class SensorHypotheses:
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
         self._likeliest: dict[Hashable, Sequence[CoefficientPrior]] = {}
         """Components → the nuisances that are likeliest beside them."""
-        self._between_bursts = [
-            errors_between_bursts(run.conditions, MOST_ERRORS) for run in design.source.runs
-        ]
-        """(n, e) per run: what the temperature may be off by between bursts [K]."""
         self._felt_between: dict[Hashable, Sequence[CoefficientPrior]] = {}
         """Components → what they make of the temperature between bursts."""
         self._weigh_nuisances()
@@ -144,7 +136,7 @@ class SensorHypotheses:
         nuisances = self.likeliest_nuisances(components)
         key = _key(components)
         if key not in self._felt_between:
-            felt = felt_errors(self.design, self._between_bursts, components, nuisances)
+            felt = felt_errors(self.design, components, nuisances)
             self._felt_between[key] = felt
         integrated = [
             *(nuisances if thermometer else nuisances[1:]),
@@ -163,7 +155,7 @@ class SensorHypotheses:
         """
         nuisances = self.likeliest_nuisances(components)
         with self.design.trials():
-            felt = felt_errors(self.design, self._between_bursts, components, nuisances)
+            felt = felt_errors(self.design, components, nuisances)
             if not felt:
                 return 0.0
             unknown = self.joint(components, [*nuisances, *felt])[0]

@@ -18,48 +18,42 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
 
-MOST_ERRORS = 12
-"""Errors of the temperature between the bursts of a run: a chamber's course has a corner or two
-at each end of a ramp, and is well known between them."""
-
-Law: TypeAlias = tuple[Effect, FloatArray]
+FittedEffect: TypeAlias = tuple[Effect, FloatArray]
 """One effect and its (p, 3) coefficients."""
 
 
 def felt_errors(
     design: CandidateDesign,
-    errors: Sequence[FloatArray],
     components: Sequence[Component],
     nuisances: Sequence[CoefficientPrior],
 ) -> list[CoefficientPrior]:
-    """Return what components make of errors (n, e) of each run's temperature between bursts.
+    """Return what components make of errors of each run's temperature between bursts.
 
     It is that of effects with the coefficients that are likeliest beside the nuisances, along one
     course on all axes. [] where there are no errors, or nobody feels them.
     """
-    if not components or not any(some.size for some in errors):
+    errors = {run.name: run.errors_between_bursts for run in design.source.runs}
+    if not components or not any(some.size for some in errors.values()):
         return []
-    runs = design.source.smoothed
-    error_of = {run.name: some for run, some in zip(runs, errors, strict=True)}
-    laws = _laws(design, components, nuisances)
+    fitted = _fitted(design, components, nuisances)
 
     def responses(run: PreparedRun) -> FloatArray:
-        return _responses(laws, error_of[run.name], run, design.sensor)
+        return _responses(fitted, errors[run.name], run, design.sensor)
 
-    term = design.generic_terms([(responses, True)], runs=runs)[0]
+    term = design.generic_terms([(responses, True)], runs=design.source.smoothed)[0]
     return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
 
 
-def _laws(
+def _fitted(
     design: CandidateDesign,
     components: Sequence[Component],
     nuisances: Sequence[CoefficientPrior],
-) -> list[Law]:
+) -> list[FittedEffect]:
     """Return the effects whose axes each follow one course, with their coefficients."""
     allowed = [*(c.prior for c in components), *nuisances]
     normal, right = design.products_among([c for prior in allowed for c in prior.columns])
     found = likeliest_coefficients(normal, right, allowed)
-    laws: list[Law] = []
+    fitted: list[FittedEffect] = []
     for component in components:
         form = component.form
         for effect, term in zip(form.effect.parts(), form.terms, strict=True):
@@ -67,17 +61,19 @@ def _laws(
             if form.run is None and not term.shared and not effect.per_run:
                 size = design.size_of(term)[:, None]
                 known = found[:, : len(columns)].T
-                laws.append((effect, np.where(size > 0.0, known / np.maximum(size, 1e-300), 0.0)))
+                fitted.append(
+                    (effect, np.where(size > 0.0, known / np.maximum(size, 1e-300), 0.0))
+                )
             found = found[:, len(columns) :]
-    return laws
+    return fitted
 
 
 def _responses(
-    laws: Sequence[Law], errors: FloatArray, run: PreparedRun, sensor: Sensor
+    fitted: Sequence[FittedEffect], errors: FloatArray, run: PreparedRun, sensor: Sensor
 ) -> FloatArray:
     """(m, 3, e) change of what effects do to the block means, by errors (n, e) of temperature."""
     answer = np.zeros((len(run), 3, errors.shape[1]))
-    for effect, coefficients in laws:
+    for effect, coefficients in fitted:
         means = partial(_block_means, effect, run, run.conditions.of(sensor))
         before = means(0.0)
         if before.ndim > 2:
