@@ -12,6 +12,7 @@ from imu_driver.simulation.devices import draw_device
 from imu_recording.recording import SENSOR_FIELDS
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import EffectToHide, hidden_campaign, practice_campaign
+from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.result import Finding
 
@@ -47,11 +48,12 @@ def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
         assert finding.error_after < 1.1 * finding.noise_floor < finding.error_before
 
 
-def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
+@pytest.mark.parametrize(('law', 'sensor'), [('ageing_slope', G), ('mode_crossing', M)])
+def test_a_law_beyond_the_catalogue_is_not_given_a_name(law: str, sensor: Sensor) -> None:
     recordings, (truth,) = practice_campaign(
-        [EffectToHide('ageing_slope', 3.0, G)], seed=13, mean_s=60.0
+        [EffectToHide(law, 3.0, sensor)], seed=13, mean_s=60.0
     )
-    (finding,) = acted_on(measured_by(recordings, G))
+    (finding,) = acted_on(measured_by(recordings, sensor))
     assert (finding.kind, finding.name) == ('unexplained', None)
     assert finding.depends_on in truth.depends_on
 
