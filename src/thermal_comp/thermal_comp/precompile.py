@@ -15,7 +15,7 @@ import numpy as np
 from imu_recording import ImuRecording, read_bag, write_bag
 from thermal_comp.data.defective_rows import far_rows
 from thermal_comp.effects.operators import follow, grow_and_melt, play
-from thermal_comp.linear.gaussian_evidence import CoefficientPrior, joint_evidence
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior, conditioned, joint_evidence
 from thermal_comp.linear.product_table import ProductTable
 from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
 from thermal_comp.model.values import NoiseModel
@@ -42,6 +42,8 @@ def precompile() -> None:
     table = ProductTable(1)
     table.settle(table.append([np.ones((1, 3, 1))]), np.ones((3, 1)))
     joint_evidence(*table.products_among([0]), 3.0, 3, [prior])
+    state = conditioned(*table.products([0]), 3.0, 3, [prior])
+    state.evidences(np.zeros((1, 1), dtype=np.int64), np.ones(1), shared=False)
     recording = _recording()
     with tempfile.TemporaryDirectory() as folder:
         for storage, compression in COMPILED_BAG_FORMATS:

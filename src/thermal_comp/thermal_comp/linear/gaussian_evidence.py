@@ -19,11 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.jit import njit
+from imu_recording.jit import inline, njit
 from imu_recording.recording import FloatArray, IntArray
 
 LEAST_LEFT_POWER = 1e-6
 """Least that columns of unit length are taken to have left beside others: it is divided by."""
+LEAST_PIVOT = 1e-12
+"""Least pivot of what is left of positive definite equations; rounding errors are less."""
 NOISE_ROWS = 10.0
 """Rows the prior of the noise level is worth: an error of its estimate by a third is usual."""
 
@@ -109,20 +111,14 @@ class ConditionedDesign:
             blocks, right, half = _as_one_axis(blocks, right, half)
         # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
         values, vectors = _eigen(blocks)
-        values = np.maximum(values.transpose(1, 2, 0).reshape(forms, -1), 0.0)
-        right = np.einsum('afij,afi->fja', vectors, right).reshape(values.shape)
-        half = np.einsum('afij,afki->fkja', vectors, half)
-        half = half.reshape(forms, half.shape[1], values.shape[1])
+        values = np.maximum(values.transpose(1, 0, 2), 0.0, order='C').reshape(forms, -1)
+        right = np.einsum('afij,afi->faj', vectors, right, order='C').reshape(values.shape)
+        half = np.einsum('afij,afki->fajk', vectors, half, order='C')
+        half = half.reshape(*values.shape, half.shape[3])
         left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_LEFT_POWER)
         variance = deviations**2 / (left if beside else np.ones(forms))[:, None]
-        inverse = 1.0 / (values[:, None] + 1.0 / variance[:, :, None])
-        weighted = half[:, None] * inverse[:, :, None, :]
-        inner = np.eye(half.shape[1]) - weighted @ half.transpose(0, 2, 1)[:, None]
-        across = weighted @ right[:, None, :, None]
-        delta_chi2: FloatArray = (right[:, None] ** 2 * inverse).sum(axis=2)
-        delta_chi2 += (across * np.linalg.solve(inner, across)).sum(axis=(2, 3))
-        determinant = np.log1p(variance[:, :, None] * values[:, None]).sum(axis=2)
-        determinant += np.linalg.slogdet(inner)[1]
+        determinant, delta_chi2 = np.empty((2, *variance.shape))
+        _weigh(values, right, half, variance, determinant, delta_chi2)
         evidence = log_evidence(
             self.chi_square - delta_chi2, self.log_determinant + determinant, self.rows
         )
@@ -258,6 +254,58 @@ def joint_evidence(
     return float(log_evidence(chi_square - delta_chi2, determinant, rows)), delta_chi2
 
 
+@inline()
+def _eliminate(matrix: FloatArray, first: int, last: int) -> float:
+    """Eliminate unknowns from the upper triangle of I + `matrix`; return ln of their pivots."""
+    determinant = 0.0
+    for j in range(first, last):
+        pivot = max(matrix[j, j] + 1.0, LEAST_PIVOT)
+        determinant += math.log(pivot)
+        for i in range(j + 1, len(matrix)):
+            factor = matrix[j, i] / pivot
+            for k in range(i, len(matrix)):
+                matrix[i, k] -= factor * matrix[j, k]
+    return determinant
+
+
+@njit(cache=True, nogil=True)
+def _weigh(
+    values: FloatArray,
+    right: FloatArray,
+    half: FloatArray,
+    variance: FloatArray,
+    determinant: FloatArray,
+    delta_chi2: FloatArray,
+) -> None:
+    """Fill (f, s) ln |I + Λ XᵀX| and Δχ² of f forms of p coefficients at s prior variances.
+
+    XᵀX is diagonal, `values` (f, p), less H Hᵀ, `half` (f, p, k), whose low rank is eliminated.
+    """
+    forms, size, coupled = half.shape
+    inner = np.empty((coupled + 1, coupled + 1))
+    for form in range(forms):
+        for s in range(variance.shape[1]):
+            inner[:] = 0.0
+            determinant[form, s], growth = 0.0, 1.0
+            delta_chi2[form, s] = 0.0
+            for place in range(size):
+                grown = 1.0 + variance[form, s] * values[form, place]
+                growth *= grown
+                if growth > 1e200:
+                    determinant[form, s] += math.log(growth)
+                    growth = 1.0
+                inverse = variance[form, s] / grown
+                answer = inverse * right[form, place]
+                delta_chi2[form, s] += answer * right[form, place]
+                for i in range(coupled):
+                    weighted = inverse * half[form, place, i]
+                    for k in range(i, coupled):
+                        inner[i, k] -= weighted * half[form, place, k]
+                    inner[i, coupled] += weighted * right[form, place]
+            determinant[form, s] += math.log(growth) + _eliminate(inner, 0, coupled)
+            delta_chi2[form, s] -= inner[coupled, coupled]
+
+
 @njit(cache=True, nogil=True)
 def _gather(
     normal: FloatArray,
@@ -291,14 +339,8 @@ def _eliminated(whole: FloatArray, own: int) -> tuple[float, float]:
             for i in range(own, size):
                 for k in range(i, size):
                     whole[0, i, k] += whole[1, i, k] + whole[2, i, k]
-        matrix = whole[axis % 3]
-        for j in range(own if axis == 3 else 0, size - 1 if axis == 3 else own):
-            pivot = matrix[j, j] + 1.0
-            determinant += math.log(pivot)
-            for i in range(j + 1, size):
-                factor = matrix[j, i] / pivot
-                for k in range(i, size):
-                    matrix[i, k] -= factor * matrix[j, k]
+        first, last = (own, size - 1) if axis == 3 else (0, own)
+        determinant += _eliminate(whole[axis % 3], first, last)
     return determinant, -whole[0, size - 1, size - 1]
 
 
