@@ -15,8 +15,8 @@ after the other, and many forms of an effect are compared by small eigenproblems
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from imu_recording.jit import inline, njit
@@ -60,6 +60,10 @@ class ConditionedDesign:
     coupling: FloatArray
     """(k, 3, c) H: products between columns of axes a and b are less by H_aᵀ H_b, because k
     coefficients that the axes share were integrated out."""
+    _diagonal: dict[Hashable, tuple[FloatArray, FloatArray, FloatArray]] = field(
+        default_factory=dict
+    )
+    """Columns → what `_diagonalised` made of them: flaws and laws ask for the same ones."""
 
     @property
     def log_evidence(self) -> float:
@@ -99,6 +103,28 @@ class ConditionedDesign:
         Widths are those of coefficients of columns of unit length, each times `relative` (f, p)
         where given; `beside`: those of all that a form adds, √Δχ², to what was integrated out.
         """
+        key = columns.shape, columns.tobytes(), shared
+        if relative is not None:
+            values, right, half = self._diagonalised(columns, shared, relative)
+        else:
+            if key not in self._diagonal:
+                self._diagonal[key] = self._diagonalised(columns, shared)
+            values, right, half = self._diagonal[key]
+        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_LEFT_POWER)
+        variance = deviations**2 / (left if beside else np.ones(len(columns)))[:, None]
+        determinant, delta_chi2 = _weigh(values, right, half, variance)
+        evidence = log_evidence(
+            self.chi_square - delta_chi2, self.log_determinant + determinant, self.rows
+        )
+        return np.asarray(evidence), delta_chi2
+
+    def _diagonalised(
+        self, columns: IntArray, shared: bool, relative: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return eigenvalues (f, q) of forms' products, (f, q) right-hand sides, (f, q, k) half.
+
+        What couples axes, or a form's columns to coefficients that axes share, stays in `half`.
+        """
         forms = len(columns)
         blocks, right = self.blocks(columns), self.right[:, columns]
         half = self.coupling[:, :, columns].transpose(1, 2, 0, 3)
@@ -107,22 +133,13 @@ class ConditionedDesign:
             right, half = right * relative, half * relative[:, None, :]
         if shared:
             blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
-        if len(blocks) * columns.shape[1] <= half.shape[2]:
-            blocks, right, half = _as_one_axis(blocks, right, half)
         # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
         values, vectors = _eigen(blocks)
         values = np.maximum(values.transpose(1, 0, 2), 0.0, order='C').reshape(forms, -1)
         right = np.einsum('afij,afi->faj', vectors, right, order='C').reshape(values.shape)
         half = np.einsum('afij,afki->fajk', vectors, half, order='C')
         half = half.reshape(*values.shape, half.shape[3])
-        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_LEFT_POWER)
-        variance = deviations**2 / (left if beside else np.ones(forms))[:, None]
-        determinant, delta_chi2 = np.empty((2, *variance.shape))
-        _weigh(values, right, half, variance, determinant, delta_chi2)
-        evidence = log_evidence(
-            self.chi_square - delta_chi2, self.log_determinant + determinant, self.rows
-        )
-        return np.asarray(evidence), delta_chi2
+        return values, right, half
 
 
 def _eigen(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -131,24 +148,6 @@ def _eigen(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
         return blocks[..., 0], np.ones_like(blocks)
     values, vectors = np.linalg.eigh(blocks)
     return values, vectors
-
-
-def _as_one_axis(
-    blocks: FloatArray, right: FloatArray, half: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return blocks (a, f, p, p) and what couples them, (a, f, k, p), as one block (1, f, ap, ap).
-
-    It pays where few columns are coupled by many coefficients.
-    """
-    axes, forms, columns = right.shape
-    size = axes * columns
-    across = half.transpose(1, 2, 0, 3).reshape(forms, -1, size)
-    whole = -across.transpose(0, 2, 1) @ across
-    for axis in range(axes):
-        own = slice(axis * columns, (axis + 1) * columns)
-        whole[:, own, own] += blocks[axis]
-    together = right.transpose(1, 0, 2).reshape(1, forms, size)
-    return whole[None], together, np.zeros((1, forms, 0, size))
 
 
 def conditioned(
@@ -255,55 +254,55 @@ def joint_evidence(
 
 
 @inline()
-def _eliminate(matrix: FloatArray, first: int, last: int) -> float:
-    """Eliminate unknowns from the upper triangle of I + `matrix`; return ln of their pivots."""
-    determinant = 0.0
-    for j in range(first, last):
-        pivot = max(matrix[j, j] + 1.0, LEAST_PIVOT)
-        determinant += math.log(pivot)
-        for i in range(j + 1, len(matrix)):
-            factor = matrix[j, i] / pivot
-            for k in range(i, len(matrix)):
-                matrix[i, k] -= factor * matrix[j, k]
-    return determinant
+def _log_pivots(left: FloatArray) -> FloatArray:
+    """Eliminate all but the last unknown of I + `left` (k, k, s); return (s,) ln of the pivots."""
+    total, factor = np.zeros(left.shape[2]), np.empty(left.shape[2])
+    last = len(left) - 1
+    for j in range(last):
+        pivot = np.maximum(1.0 + left[j, j], LEAST_PIVOT)
+        total += np.log(pivot)
+        for i in range(j + 1, last + 1):
+            factor[:] = left[j, i] / pivot
+            for k in range(i, last + 1):
+                for s in range(len(factor)):
+                    left[i, k, s] -= factor[s] * left[j, k, s]
+    return total
 
 
 @njit(cache=True, nogil=True)
 def _weigh(
-    values: FloatArray,
-    right: FloatArray,
-    half: FloatArray,
-    variance: FloatArray,
-    determinant: FloatArray,
-    delta_chi2: FloatArray,
-) -> None:
-    """Fill (f, s) ln |I + Λ XᵀX| and Δχ² of f forms of p coefficients at s prior variances.
+    values: FloatArray, right: FloatArray, half: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return (f, s) ln |I + Λ XᵀX| and Δχ² of f forms of p coefficients at s prior variances.
 
     XᵀX is diagonal, `values` (f, p), less H Hᵀ, `half` (f, p, k), whose low rank is eliminated.
+    Widths come last: they are computed side by side.
     """
     forms, size, coupled = half.shape
-    inner = np.empty((coupled + 1, coupled + 1))
+    widths = variance.shape[1]
+    determinant, delta_chi2 = np.zeros((forms, widths)), np.zeros((forms, widths))
+    inverse = np.empty(widths)
     for form in range(forms):
-        for s in range(variance.shape[1]):
-            inner[:] = 0.0
-            determinant[form, s], growth = 0.0, 1.0
-            delta_chi2[form, s] = 0.0
-            for place in range(size):
+        left = np.zeros((coupled + 1, coupled + 1, widths))
+        growth = np.ones(widths)
+        for place in range(size):
+            for s in range(widths):
                 grown = 1.0 + variance[form, s] * values[form, place]
-                growth *= grown
-                if growth > 1e200:
-                    determinant[form, s] += math.log(growth)
-                    growth = 1.0
-                inverse = variance[form, s] / grown
-                answer = inverse * right[form, place]
-                delta_chi2[form, s] += answer * right[form, place]
-                for i in range(coupled):
-                    weighted = inverse * half[form, place, i]
-                    for k in range(i, coupled):
-                        inner[i, k] -= weighted * half[form, place, k]
-                    inner[i, coupled] += weighted * right[form, place]
-            determinant[form, s] += math.log(growth) + _eliminate(inner, 0, coupled)
-            delta_chi2[form, s] -= inner[coupled, coupled]
+                growth[s] *= grown
+                inverse[s] = variance[form, s] / grown
+            if growth.max() > 1e200:
+                determinant[form] += np.log(growth)
+                growth[:] = 1.0
+            for i in range(coupled + 1):
+                one = right[form, place] if i == coupled else half[form, place, i]
+                for k in range(i, coupled + 1):
+                    other = right[form, place] if k == coupled else half[form, place, k]
+                    for s in range(widths):
+                        left[i, k, s] -= one * other * inverse[s]
+        determinant[form] += np.log(growth)
+        determinant[form] += _log_pivots(left)
+        delta_chi2[form] = -left[coupled, coupled]
+    return determinant, delta_chi2
 
 
 @njit(cache=True, nogil=True)
@@ -339,8 +338,14 @@ def _eliminated(whole: FloatArray, own: int) -> tuple[float, float]:
             for i in range(own, size):
                 for k in range(i, size):
                     whole[0, i, k] += whole[1, i, k] + whole[2, i, k]
-        first, last = (own, size - 1) if axis == 3 else (0, own)
-        determinant += _eliminate(whole[axis % 3], first, last)
+        matrix = whole[axis % 3]
+        for j in range(own if axis == 3 else 0, size - 1 if axis == 3 else own):
+            pivot = matrix[j, j] + 1.0
+            determinant += math.log(pivot)
+            for i in range(j + 1, size):
+                factor = matrix[j, i] / pivot
+                for k in range(i, size):
+                    matrix[i, k] -= factor * matrix[j, k]
     return determinant, -whole[0, size - 1, size - 1]
 
 
