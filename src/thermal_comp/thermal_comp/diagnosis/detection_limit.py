@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import numpy as np
-from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import Form
@@ -74,9 +73,11 @@ def _size_of(hypotheses: SensorHypotheses, form: Form) -> float:
     runs = design.source.columns(first, design.sensor)
     only = form.run if form.run is not None else (0 if first.per_run else None)
     chosen = range(len(runs)) if only is None else [only]
-    parts: list[FloatArray] = []
+    total = 0.0
     for number in chosen:
-        columns, _ = per_axis(runs[number][design.valid[number]])
-        parts.append(columns[..., 0] - columns[..., 0].mean(axis=0))
+        columns = runs[number][design.valid[number]]
+        alike = 3 if columns.ndim == 2 else 1  # axes that have the same one
+        column = columns[:, 0] if alike == 3 else per_axis(columns)[0][..., 0]
+        total += alike * float(((column - column.mean(axis=0)) ** 2).sum())
     rows = sum(int(valid.sum()) for valid in design.valid)
-    return float(np.sqrt(sum(float((part**2).sum()) for part in parts) / (3.0 * rows)))
+    return float(np.sqrt(total / (3.0 * rows)))
