@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import Form, form_of, moved_forms
@@ -16,18 +15,12 @@ from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import log_sum
 
-SHAPE_RATIO = 1.25
-"""Factor by which shape parameters are moved at first; other moves are powers of it."""
-NEXT_POWER = 0.25
-"""Power by which they are moved at first where they were fitted before."""
-MOST_ROUNDS = 8
-"""Rounds of moves, each about as far as the peak of the evidence is wide in the one before."""
+SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005, 1.001, 1.0002, 1.00005, 1.00001)
+"""Factors by which shape parameters are moved, ever smaller; the peak lies between them."""
 LEAST_LOG_GAIN = 0.05
 """Gain of ln evidence from which a move goes on."""
-MOST_LOG_DROP = 2.0
-"""Drop of ln evidence over a move up to which the peak is a parabola."""
 MOST_MOVES = 12
-"""Moves of a shape by as much."""
+"""Moves of a shape by one factor."""
 CURVATURE_RATIO = 1.04
 """Factor over which the peak of the evidence over a shape parameter is measured."""
 
@@ -37,57 +30,51 @@ def fitted_set(hypotheses: SensorHypotheses, components: Sequence[Component]) ->
     names = tuple(sorted(c.name for c in components))
     before = hypotheses.fits.get(names)
     if before is None:
-        fitted = _fitted(hypotheses, list(components), 1.0)
+        fitted = _fitted(hypotheses, list(components), SHAPE_RATIOS)
         if len(components) > 1:
-            fitted = _fitted(hypotheses, fitted, NEXT_POWER)
+            fitted = _fitted(hypotheses, fitted, SHAPE_RATIOS[1:])
     else:
-        fitted = _fitted(hypotheses, list(before), NEXT_POWER)
+        fitted = _fitted(hypotheses, list(before), SHAPE_RATIOS[1:])
     hypotheses.fits[names] = tuple(fitted)
     return _weighed(hypotheses, fitted)
 
 
 def _fitted(
-    hypotheses: SensorHypotheses, components: list[Component], power: float
+    hypotheses: SensorHypotheses, components: list[Component], ratios: Sequence[float]
 ) -> list[Component]:
     """Return the components with their best shapes and amplitudes beside each other."""
     for place in range(len(components)):
-        components = _shaped(hypotheses, components, place, power)
+        components = _shaped(hypotheses, components, place, ratios)
         components = scaled(hypotheses, components, place)[0]
     return components
 
 
 def _shaped(
-    hypotheses: SensorHypotheses, components: list[Component], place: int, power: float
+    hypotheses: SensorHypotheses, components: list[Component], place: int, ratios: Sequence[float]
 ) -> list[Component]:
-    """Move the shape parameters of one component to the peak of the evidence.
-
-    They are moved by `power` at first, then by about the width of the peak.
-    """
+    """Move the shape parameters of one component while that explains more."""
     one = components[place]
     if one.form.free == 0:
         return components
     likely = _FormEvidence(hypotheses, components, place)
-    design, best = hypotheses.design, one.form
-    powers = np.full(one.form.free, power)
-    with design.trials():
-        for _ in range(MOST_ROUNDS):
+    each_way = _unit_ways(one.form.free)
+    best = one.form
+    with hypotheses.design.trials():
+        for ratio in ratios:
             for _ in range(MOST_MOVES):
-                near = moved_forms(design, best, SHAPE_RATIO, _each_way(powers))
-                nearest = max((form for form in near if form), key=likely, default=best)
+                near = moved_forms(hypotheses.design, best, ratio, each_way)
+                inside = [form for form in near if form is not None]
+                nearest = max(inside, key=likely, default=best)
                 if likely(nearest) < likely(best) + LEAST_LOG_GAIN:
                     break
                 best = nearest
-            here = likely(best)
             values = [None if form is None else likely(form) for form in near]
-            drops = [here - value for value in values if value is not None]
-            shift, width = _peak(here, values)
-            peak = moved_forms(design, best, SHAPE_RATIO, [list(powers * shift)])[0]
-            if peak is not None and likely(peak) > here:
+            peak = moved_forms(hypotheses.design, best, ratio, [_peak(likely(best), values)])[0]
+            if peak is not None and likely(peak) > likely(best):
                 best = peak
-            if max(drops, default=0.0) < MOST_LOG_DROP:
-                break
-            powers = powers * width
-    return _with_form(components, place, form_of(design, best.effect, one.form.run))
+            if all(abs(v - likely(best)) < LEAST_LOG_GAIN for v in values if v is not None):
+                break  # a finer move changes nothing
+    return _with_form(components, place, form_of(hypotheses.design, best.effect, one.form.run))
 
 
 def _with_form(components: Sequence[Component], place: int, form: Form) -> list[Component]:
@@ -182,8 +169,7 @@ def _shape_share(hypotheses: SensorHypotheses, components: list[Component], plac
     nuisances = hypotheses.likeliest_nuisances(components)
     here = hypotheses.joint(components, nuisances)[0]
     with hypotheses.design.trials():
-        ways = _each_way(np.ones(one.form.free))
-        near = moved_forms(hypotheses.design, one.form, CURVATURE_RATIO, ways)
+        near = moved_forms(hypotheses.design, one.form, CURVATURE_RATIO, _unit_ways(one.form.free))
         moved = [_with_form(components, place, f) for f in near if f]
         trials = [hypotheses.joint(some, nuisances)[0] for some in moved]
         drops = [max(here - trial, 1e-3) for trial in trials]
@@ -195,20 +181,20 @@ def _shape_share(hypotheses: SensorHypotheses, components: list[Component], plac
     return share + min(wide, float(np.log(one.forms)))
 
 
-def _each_way(powers: FloatArray) -> list[list[float]]:
+def _unit_ways(parameters: int) -> list[list[float]]:
     """Return each parameter's way up and down alone."""
-    return [list(way) for power in np.diag(powers) for way in (power, -power)]
+    return [
+        [way * (other == one) for other in range(parameters)]
+        for one in range(parameters)
+        for way in (1.0, -1.0)
+    ]
 
 
-def _peak(here: float, near: Sequence[float | None]) -> tuple[FloatArray, FloatArray]:
-    """Return where a parabola in each parameter has its peak, and how wide that is.
-
-    Both are shares of the moves that led to `near`; ln evidence is less by 1 where it is so wide.
-    """
-    shifts, widths = [], []
+def _peak(here: float, near: Sequence[float | None]) -> list[float]:
+    """Return where a parabola in each parameter has its peak, as powers of the ratio."""
+    powers = []
     for up, down in zip(near[::2], near[1::2], strict=True):
         bend = 0.0 if up is None or down is None else 2.0 * here - up - down
         slope = 0.0 if up is None or down is None else up - down
-        shifts.append(float(np.clip(0.5 * slope / bend, -1.0, 1.0)) if bend > 0.0 else 0.0)
-        widths.append(float(np.clip(np.sqrt(2.0 / bend), 1e-3, 1.0)) if bend > 0.0 else NEXT_POWER)
-    return np.array(shifts), np.array(widths)
+        powers.append(float(np.clip(0.5 * slope / bend, -1.0, 1.0)) if bend > 0.0 else 0.0)
+    return powers
