@@ -58,3 +58,15 @@ def test_a_tilt_turns_the_field_and_not_the_offset() -> None:
     np.testing.assert_allclose(
         turned, known.temperature_difference[:, None] * expected, atol=1e-15
     )
+
+
+@pytest.mark.parametrize(
+    ('readings', 'known'),
+    [([], False), ([np.nan, np.nan], False), ([np.nan, 0.4], True), ([0.4, np.nan], True)],
+)
+def test_a_channel_was_logged_where_any_sample_is_finite(readings: list[float], known) -> None:
+    none = np.zeros((len(readings), 3))
+    at = np.arange(float(len(readings)))
+    logged = Conditions(at, at, none, none, none, humidity=np.array(readings))
+    assert logged.has('humidity') is known
+    assert not logged.has('setpoint')

@@ -130,7 +130,9 @@ class Conditions:
     def has(self, channel: str) -> bool:
         """Tell whether a channel was logged: present and finite somewhere."""
         value = getattr(self, channel)
-        return value is not None and bool(np.isfinite(value.flat[0]) or np.isfinite(value).any())
+        if value is None:
+            return False
+        return bool(np.isfinite(value[:1]).any() or np.isfinite(value).any())
 
 
 PER_RUN = ('orientation', 'hard_iron')

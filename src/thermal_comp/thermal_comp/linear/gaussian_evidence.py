@@ -275,8 +275,8 @@ def _weigh(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (f, s) ln |I + Λ XᵀX| and Δχ² of f forms of p coefficients at s prior variances.
 
-    XᵀX is diagonal, `values` (f, p), less H Hᵀ, `half` (f, p, k), whose low rank is eliminated.
-    Widths come last: they are computed side by side.
+    XᵀX is diagonal, `values` (f, p), less H Hᵀ, `half` (f, p, k): by the matrix determinant lemma
+    and Woodbury's identity k unknowns are eliminated. Widths come last, computed side by side.
     """
     forms, size, coupled = half.shape
     widths = variance.shape[1]
