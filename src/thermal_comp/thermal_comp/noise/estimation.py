@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.linalg import pinvh
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.conditions import Sensor
@@ -107,7 +107,7 @@ def _chances(
                 covariance = new.T @ noise_product(noise, run, axis, new, valid)
                 explained[place] += coefficients @ pinvh(covariance) @ coefficients
                 count[place] += new.shape[1]
-    return np.where(count > 0.0, chi2.sf(explained, np.maximum(count, 1.0)), 1.0)
+    return np.where(count > 0.0, chdtrc(np.maximum(count, 1.0), explained), 1.0)
 
 
 def _noise_beside(

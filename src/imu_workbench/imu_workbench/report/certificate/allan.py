@@ -19,7 +19,7 @@ import numpy as np
 from imu_recording.recording import STANDARD_GRAVITY, FloatArray, ImuRecording
 from imu_recording.synchronise import longest_stretch
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtri
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.noise_level import NoiseReference, bandwidth_known, chip_references
@@ -78,7 +78,7 @@ class AllanDeviation:
     def interval(self) -> tuple[FloatArray, FloatArray]:
         """(k,) and (k,) ends of the 95 % interval of the deviation, by χ² [unit]."""
         low, high = (
-            self.deviation * np.sqrt(self.degrees / chi2.ppf(p, self.degrees))
+            self.deviation * np.sqrt(self.degrees / chdtri(self.degrees, 1.0 - p))
             for p in (0.5 + CONFIDENCE_LEVEL / 2.0, 0.5 - CONFIDENCE_LEVEL / 2.0)
         )
         return low, high
@@ -270,7 +270,7 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
             result[key] = (min(value, bound), 0.0, bound)
             continue
         low, high = (
-            value * math.sqrt(degrees / chi2.ppf(p, degrees))
+            value * math.sqrt(degrees / chdtri(degrees, 1.0 - p))
             for p in (0.5 + CONFIDENCE_LEVEL / 2.0, 0.5 - CONFIDENCE_LEVEL / 2.0)
         )
         result[key] = (value, low, high)

@@ -15,7 +15,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from GTC import component, dof, multiple_ureal, uncertainty, ureal
 from imu_recording.recording import FloatArray, IntArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 MONTE_CARLO_DRAWS = 20_000
 COVERAGE_PROBABILITY = 0.95
@@ -128,7 +128,7 @@ class Budget:
     def coverage_factor(self) -> float:
         """Student's factor for 95 % at the effective degrees of freedom."""
         degrees = self.degrees if math.isfinite(self.degrees) else 1e9
-        return float(student.ppf(0.5 + COVERAGE_PROBABILITY / 2.0, degrees))
+        return float(stdtrit(degrees, 0.5 + COVERAGE_PROBABILITY / 2.0))
 
     @property
     def deciding(self) -> float:
