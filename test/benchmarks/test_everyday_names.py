@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from imu_recording.recording import SENSOR_FIELDS
 from independent_simulator.campaign import draw_campaign
 
@@ -27,6 +28,7 @@ def explanations(recordings: Sequence[ImuRecording], sensor: str) -> list[dict[s
     return found
 
 
+@pytest.mark.long
 def test_a_line_in_bursts_keeps_its_name() -> None:
     # Beside effects that explain nothing, a line that wanders was a law outside the catalogue.
     campaign = draw_campaign(3743, 'bursts')
@@ -36,6 +38,7 @@ def test_a_line_in_bursts_keeps_its_name() -> None:
     assert found[0]['probability'] > 0.5
 
 
+@pytest.mark.long
 def test_a_heater_that_was_not_logged_is_told_by_the_air() -> None:
     # The die follows slowly what a heater does: it looked like a compressor's field and a step.
     campaign = draw_campaign(3834, 'different_ranges')
@@ -58,6 +61,7 @@ def test_noise_that_makes_a_law_disappear_is_not_taken_for_it() -> None:
     assert found[0]['depends_on'] == 'time'
 
 
+@pytest.mark.long
 def test_two_lags_in_place_of_a_memory_have_standard_deviations() -> None:
     # The likeliest pair lay far from the fitted one, and all of the weight among swapped pairs.
     campaign = draw_campaign(3666, 'aborted')

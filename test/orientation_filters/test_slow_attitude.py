@@ -65,7 +65,7 @@ def honesty(name: str, recording: ImuRecording, truth: FloatArray) -> tuple[floa
 
 
 @pytest.mark.parametrize('name', FILTERS)
-@pytest.mark.parametrize('acceleration', [3.0, 9.0])
+@pytest.mark.parametrize('acceleration', [pytest.param(3.0, marks=pytest.mark.long), 9.0])
 def test_an_acceleration_that_persists_is_in_the_covariance(
     name: str, acceleration: float
 ) -> None:

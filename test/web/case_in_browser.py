@@ -250,6 +250,7 @@ def test_a_version_whose_file_is_missing_is_said_and_tried_again(
     watched.check()
 
 
+@pytest.mark.long
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     serve, watch, small_bags, tmp_path, held_by
 ):
@@ -311,6 +312,7 @@ def test_an_effect_file_is_kept_in_the_case_and_asked_for_where_it_was_never_giv
     elsewhere.check()
 
 
+@pytest.mark.long
 def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, small_bags):
     bags = [small_bags / 'dut2_x', small_bags / 'dut7_x']
     server = serve(*bags, answered=bags)

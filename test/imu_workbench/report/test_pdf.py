@@ -53,6 +53,7 @@ def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
     assert len(pages(alone)) == 2
 
 
+@pytest.mark.long
 def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
     """Scale factors, misalignments and lags: the results begin on the first page."""
     every = [

@@ -37,7 +37,11 @@ def measured_by(recordings: list[ImuRecording], *sensors: str) -> list[ImuRecord
     return [replace(r, **{f: np.full((len(r), 3), np.nan) for f in others}) for r in recordings]
 
 
-@pytest.mark.parametrize('hidden', HIDDEN, ids=lambda hidden: ' '.join(hidden.values()))
+@pytest.mark.parametrize(
+    'hidden',
+    [*(pytest.param(some, marks=pytest.mark.long) for some in HIDDEN[:-1]), HIDDEN[-1]],
+    ids=lambda hidden: ' '.join(hidden.values()),
+)
 def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
     hidden_effects = [EffectToHide(name, 3.0, sensor) for sensor, name in hidden.items()]
     recordings, _ = practice_campaign(hidden_effects, seed=11, mean_s=60.0)
@@ -48,7 +52,10 @@ def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
         assert finding.error_after < 1.1 * finding.noise_floor < finding.error_before
 
 
-@pytest.mark.parametrize(('law', 'sensor'), [('ageing_slope', G), ('mode_crossing', M)])
+@pytest.mark.parametrize(
+    ('law', 'sensor'),
+    [('ageing_slope', G), pytest.param('mode_crossing', M, marks=pytest.mark.long)],
+)
 def test_a_law_beyond_the_catalogue_is_not_given_a_name(law: str, sensor: Sensor) -> None:
     recordings, (truth,) = practice_campaign(
         [EffectToHide(law, 3.0, sensor)], seed=13, mean_s=60.0
@@ -65,7 +72,10 @@ def test_heater_that_was_not_logged_is_suspected() -> None:
     assert (finding.kind, finding.depends_on) == ('unlogged', 'heater')
 
 
-@pytest.mark.parametrize('bias_instability', [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    'bias_instability',
+    [pytest.param(0.5, marks=pytest.mark.long), 1.0, pytest.param(2.0, marks=pytest.mark.long)],
+)
 def test_nothing_hidden_raises_no_alarm(bias_instability: float) -> None:
     recordings, _ = practice_campaign([], seed=21, mean_s=20.0, bias_instability=bias_instability)
     findings = diagnose(recordings).findings

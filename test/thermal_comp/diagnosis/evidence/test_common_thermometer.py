@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
@@ -49,6 +50,7 @@ def test_a_lag_in_proportion_to_the_slopes_of_all_sensors_is_the_thermometers() 
         assert prediction.terms
 
 
+@pytest.mark.long
 def test_a_lag_of_one_sensor_beside_it_keeps_its_name() -> None:
     time, die, *_ = chamber()
     behind = die - lagging(die, 400.0, float(time[1] - time[0]))
