@@ -71,6 +71,22 @@ def test_a_gradient_inside_the_device_is_told_by_the_thermometer_on_it() -> None
     assert found.parameters['outside']['value'] == 1.0
 
 
+def test_a_gradient_inside_the_device_is_told_by_the_die_where_no_thermometer_shows_it() -> None:
+    # What lags as much as the die itself shows neither the board's rate nor how the die warms it.
+    time, die, *_ = chamber()
+    warmth = -0.8 * np.expm1(-time / 300.0)
+    board = die + 12.0 * np.gradient(die, time) - warmth
+    air = board + 150.0 * np.gradient(board, time)
+    read = 0.05 * np.round(lagging(board, 15.0, PERIOD) / 0.05)
+    recordings = [
+        replace(one, device_temperature=read, chamber_temperature=air)
+        for one in in_gyroscope(1e-3 * (board - die))
+    ]
+    (found,) = findings(recordings, (*HEAT, 'thermal_gradient', 'warm_up'))
+    assert found.name == 'thermal_gradient'
+    assert found.parameters['outside']['value'] == 3.0
+
+
 def test_two_lags_far_apart_are_two() -> None:
     die = chamber()[1]
     fast, slow = lagging(die, 60.0, PERIOD) - die, lagging(die, 1500.0, PERIOD) - die

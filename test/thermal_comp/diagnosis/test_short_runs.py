@@ -14,7 +14,7 @@ from thermal_comp.model.values import ModelError
 
 from imu_recording import ImuRecording
 
-from ..campaign import run
+from ..campaign import measured_by, run
 
 LINE = (EFFECTS['bias_temperature'](),)
 FEW = {name: EFFECTS[name] for name in ('thermal_lag', 'thermal_hysteresis')}
@@ -75,3 +75,18 @@ def test_a_step_in_twenty_minutes_is_named_though_no_other_could_be_tried() -> N
     stepped = replace(recording, angular_velocity=shifted)
     found = diagnose([stepped], catalogue={'bias_step': EFFECTS['bias_step']})
     assert [f.name for f in found.findings if f.sensor == 'gyroscope'][:1] == ['bias_step']
+
+
+@pytest.mark.parametrize('seed', [0, 2])
+def test_two_effects_in_one_ramp_are_both_looked_for(seed: int) -> None:
+    # Beside no effect, loud slow noise is likelier and explains as much as they do.
+    whole = run('+z', seed=seed, cycles=2)
+    since = (whole.stamp - whole.stamp[0]) * 1e-9 - 4700.0
+    (one,) = measured_by([whole.rows((since >= 0.0) & (since < 1500.0))], 'gyroscope')
+    rate = np.gradient(one.temperature, one.time)
+    late = np.arange(len(one)) >= 0.6 * len(one)
+    error = np.outer(0.05 * rate + 5e-3 * rate.max() * late, [1.0, -0.5, 0.7])
+    felt = replace(one, angular_velocity=one.angular_velocity + error)
+    names = ('temperature_rate', 'thermal_lag', 'bias_step', 'warm_up')
+    found = diagnose([felt], catalogue={name: EFFECTS[name] for name in names}).to_dict()
+    assert found['explanations'][0]['names'] == ['bias_step', 'temperature_rate']

@@ -8,9 +8,16 @@ import pytest
 from scipy.integrate import solve_ivp
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.contract import EXAMPLE_CAMPAIGN
+from thermal_comp.effects.contract import (
+    CUT_ROWS,
+    EXAMPLE_CAMPAIGN,
+    columns_in_pieces,
+    example_conditions,
+)
+from thermal_comp.effects.temperature_rate import SMOOTHINGS_S
 from thermal_comp.effects.thermal_gradient import (
     SELF_HEATING_K,
+    TOLD_FROM_THE_DIE,
     GuessedGradient,
     ThermalGradient,
 )
@@ -22,7 +29,7 @@ def outside(time: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(('settling', 'heating_time'), [(20.0, 150.0), (600.0, 90.0)])
-def test_the_guess_is_the_difference_to_surroundings_that_heat_a_die(
+def test_the_die_tells_the_difference_to_surroundings_that_heat_it(
     settling: float, heating_time: float
 ) -> None:
     time = np.arange(0.0, 4000.0, 1.0)
@@ -36,9 +43,34 @@ def test_the_guess_is_the_difference_to_surroundings_that_heat_a_die(
     die = followed + SELF_HEATING_K * -np.expm1(-time / heating_time)
     still = np.zeros((len(time), 3))
     conditions = Conditions(time, die, still, still, still)
-    guessed = GuessedGradient(settling, heating_time).columns_in_hindsight(conditions)[:, 0]
     difference = outside(time) - die
-    np.testing.assert_allclose(settling * guessed - SELF_HEATING_K, difference, atol=0.03)
+    told = ThermalGradient(TOLD_FROM_THE_DIE, settling, heating_time, 10.0)
+    found = told.columns_in_hindsight(conditions)[:, 0] - SELF_HEATING_K
+    np.testing.assert_allclose(found, difference, atol=0.03)
+    guessed = GuessedGradient(settling, heating_time)
+    np.testing.assert_array_equal(
+        guessed.columns_in_hindsight(conditions), told.columns_in_hindsight(conditions)
+    )
+    live = told.columns(conditions)[0][:, 0] - SELF_HEATING_K
+    settled = (time % 1800.0 > 100.0) & ((time < 2700.0) | (time > 2800.0))  # its filter
+    np.testing.assert_allclose(live[settled], difference[settled], atol=5e-4 * settling + 0.03)
+
+
+def test_a_measured_difference_has_no_time_constants() -> None:
+    measured, told = ThermalGradient(1.0), ThermalGradient(TOLD_FROM_THE_DIE)
+    assert measured.shape_parameters == {'outside': 1.0}
+    assert (measured.free_shapes, measured.needs) == (0, ('device_temperature',))
+    assert [p.name for p in told.free_parameters] == ['settling', 'heating_time']
+    assert (told.free_shapes, told.needs) == (2, ())
+    assert measured.variant != told.variant == replace(told, settling=9.0).variant
+    assert measured.live_forms() == (measured,)
+    assert {form.smoothing for form in told.live_forms()} == {*SMOOTHINGS_S}
+
+
+def test_what_the_die_tells_does_not_depend_on_where_a_stream_is_cut() -> None:
+    told, conditions = ThermalGradient(TOLD_FROM_THE_DIE), example_conditions()
+    cut = columns_in_pieces(told, conditions, CUT_ROWS[0])
+    np.testing.assert_allclose(cut, told.columns(conditions)[0], atol=1e-9)
 
 
 def test_the_guess_is_no_effect_that_a_model_can_hold() -> None:
@@ -58,5 +90,7 @@ def test_the_guess_is_no_effect_that_a_model_can_hold() -> None:
 )
 def test_every_thermometer_that_was_logged_is_tried(logged: set[str], tried: list[float]) -> None:
     campaign = replace(EXAMPLE_CAMPAIGN, channels=frozenset(logged))
-    assert [c.effect.outside for c in ThermalGradient.search_grid(campaign)] == tried
+    forms = [c.effect for c in ThermalGradient.search_grid(campaign)]
+    assert [form.outside for form in forms if form.needs] == tried
+    assert any(not form.needs for form in forms) == bool(tried)  # else the board is guessed
     assert ThermalGradient.lacking(logged) == ([] if tried else ['chamber_temperature'])

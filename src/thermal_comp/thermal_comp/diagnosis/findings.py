@@ -143,7 +143,8 @@ def _parameters(
 
 
 def _distance(one: Effect, other: Effect) -> float:
-    pairs = zip(one.shape_parameters.values(), other.shape_parameters.values(), strict=True)
+    known = other.shape_parameters
+    pairs = [(value, known[n]) for n, value in one.shape_parameters.items() if n in known]
     return sum(abs(float(np.sum(a)) - float(np.sum(b))) for a, b in pairs)
 
 

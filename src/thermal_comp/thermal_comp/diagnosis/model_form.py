@@ -307,7 +307,7 @@ def _alternatives(
     """Return the alternatives that may count, with ln of their priors."""
     hypotheses.allow_unnamed()
     state = hypotheses.conditioned(components)
-    explained = hypotheses.log_evidence(components)[1] - hypotheses.log_evidence(())[1]
+    explained = hypotheses.explained(components)
     amplitudes = priors.flaw_log_prior(float(np.sqrt(max(explained, 0.0))))
     variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
     singles = sorted(

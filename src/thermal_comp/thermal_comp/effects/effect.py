@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache, partial
 from itertools import product
 from typing import Any, ClassVar, Literal, Self
@@ -229,13 +229,28 @@ class Effect:
 
     @property
     def shape_parameters(self) -> dict[str, Any]:
-        """Shape parameters by name."""
+        """Shape parameters by name, those that this form has."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @property
+    def free_parameters(self) -> list[Field[Any]]:
+        """Shape parameters that a search moves and a fit finds; others are part of the form."""
+        known = self.shape_parameters
+        return [f for f in fields(self) if f.name in known and not f.metadata.get('given', True)]
+
+    @property
+    def variant(self) -> tuple[float, ...]:
+        """Its numbers and choices: forms of one variant differ only in what a search moves."""
+        known = self.shape_parameters
+        numbers = [f.name for f in fields(self) if f.metadata.get('unit') == COUNT_UNIT]
+        return tuple(
+            known[name] for name in numbers if name in known and not isinstance(known[name], tuple)
+        )
 
     @property
     def free_shapes(self) -> int:
         """Number of values among the shape parameters that a search chooses."""
-        values = [getattr(self, f.name) for f in fields(self) if not f.metadata['given']]
+        values = [getattr(self, item.name) for item in self.free_parameters]
         return sum(len(value) if isinstance(value, tuple) else 1 for value in values)
 
     @classmethod
@@ -245,9 +260,9 @@ class Effect:
         Geometric where a parameter is positive, else even.
         """
         forms = [cls()]
-        for item in fields(cls):
+        for item in cls().free_parameters:
             low, high = item.metadata['bounds']
-            if item.metadata['given'] or isinstance(item.default, tuple):
+            if isinstance(item.default, tuple):
                 continue
             even = low < 0.0
             values = (

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -15,20 +15,47 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.temperature_rate import TemperatureRate
 
+TOLD_FROM_THE_DIE = 3.0
+"""`outside` of a form that needs no second thermometer."""
+SELF_HEATING_K = 0.6
+"""What a die is warmer than its surroundings by when it has settled [K]: 0.3 to 1 K."""
+BOARD_SETTLINGS_S = tuple(np.geomspace(4.0, 500.0, 7).tolist())
+"""Time constants with which dies follow their board [s]."""
+SETTLINGS_S = tuple(np.geomspace(8.0, 2000.0, 9).tolist())
+"""Time constants with which they follow their surroundings: a board to a housing [s]."""
+HEATING_TIMES_S = (60.0, 150.0, 400.0)
+"""Time constants with which they heat themselves [s]."""
+
 
 @dataclass(frozen=True)
 class ThermalGradient(Effect):
-    """The error is proportional to the difference between a second thermometer and the die."""
+    """The error is proportional to the difference between a second thermometer and the die.
 
-    outside: float = shape_parameter(0.0, unit='1', bounds=(0.0, 2.0), given=True)
-    """Second thermometer: 0 air in the chamber, 1 on the device, 2 second sensor in the air."""
+    A thermometer on the board is as slow as the die is: what heats or cools the board is told
+    from the die itself. One that follows it with a time constant θ, and heats itself by
+    ΔT (1 − exp(−t/τ)) after power-on, is cooler than the board by
+    θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ), up to a constant.
+    """
+
+    outside: float = shape_parameter(0.0, unit='1', bounds=(0.0, 3.0), given=True)
+    """Second thermometer: 0 air in the chamber, 1 on the device, 2 second sensor in the air; 3:
+    none, the board is told from the die."""
+    settling: float = shape_parameter(30.0, unit='s', bounds=(2.0, 3000.0), assumed=True)
+    """Time constant θ with which the die follows the board, of form 3."""
+    heating_time: float = shape_parameter(150.0, unit='s', bounds=(40.0, 600.0), assumed=True)
+    """Time constant τ with which it heats itself, of form 3."""
+    smoothing: float = shape_parameter(
+        30.0, unit='s', bounds=(0.1, 10_000.0), given=True, assumed=True
+    )
+    """Time constant of the derivative filter, of form 3: as that of `temperature_rate`."""
 
     name: ClassVar[str] = 'thermal_gradient'
     channels: ClassVar[tuple[str, ...]] = ('chamber_temperature',)
     substitutes: ClassVar[tuple[str, ...]] = ('device_temperature', 'chamber_temperature_2')
     equation: ClassVar[str] = (
         'error = a · (T_outside − T),  outside: 0 air in the chamber, 1 on the device, '
-        '2 second sensor in the air'
+        '2 second sensor in the air, 3 the board as told from the die: '
+        'a · (θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ)),  ΔT = 0.6 K'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
     mechanism: ClassVar[str] = (
@@ -51,70 +78,108 @@ class ThermalGradient(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): T_outside − T [K]."""
+        if self._is_told:
+            rate, state = self._rate.columns(conditions, state)
+            return self._told(rate, conditions), state
         outside = getattr(conditions, self.needs[0])
         return (outside - conditions.temperature)[:, None], None
 
+    def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
+        """Return (n, 1): the same, with the derivative of a smooth temperature."""
+        if self._is_told:
+            return self._told(self._rate.columns_in_hindsight(conditions), conditions)
+        return self.columns(conditions)[0]
+
+    def _told(self, rate: FloatArray, conditions: Conditions) -> FloatArray:
+        heating = self._heating * np.exp(-conditions.time / self.heating_time)
+        return np.asarray(self.settling * rate + heating[:, None])
+
+    @property
+    def _is_told(self) -> bool:
+        return self.outside == TOLD_FROM_THE_DIE
+
+    @property
+    def _rate(self) -> TemperatureRate:
+        return TemperatureRate(self.smoothing)
+
+    @property
+    def _heating(self) -> float:
+        """What self-heating makes of the difference at power-on [K]."""
+        return SELF_HEATING_K * (1.0 - self.settling / self.heating_time)
+
     @property
     def needs(self) -> tuple[str, ...]:
-        """The channel of the second thermometer."""
-        return ((*self.channels, *self.substitutes)[round(self.outside)],)
+        """The channel of the second thermometer; none where the board is told from the die."""
+        return (*self.channels, *self.substitutes)[round(self.outside) :][:1]
+
+    @property
+    def shape_parameters(self) -> dict[str, Any]:
+        """Shape parameters by name: a measured difference has its thermometer alone."""
+        return super().shape_parameters if self._is_told else {'outside': self.outside}
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return the differences to all thermometers that were logged."""
+        """Return the differences to all thermometers that were logged, and to the board.
+
+        Without a second thermometer the difference is a guess of what was not logged.
+        """
         forms = [cls(float(number)) for number in range(1 + len(cls.substitutes))]
-        return [Candidate(form) for form in forms if campaign.channels.issuperset(form.needs)]
+        measured = [form for form in forms if campaign.channels.issuperset(form.needs)]
+        told = [
+            cls(TOLD_FROM_THE_DIE, *pair) for pair in product(BOARD_SETTLINGS_S, HEATING_TIMES_S)
+        ]
+        return [Candidate(form) for form in (*measured, *told)] if measured else []
 
     @classmethod
     def guess(cls) -> type[Effect] | None:
         """Return the effect of surroundings that the die follows, and heats itself above."""
         return GuessedGradient
 
+    def live_forms(self) -> tuple[ThermalGradient, ...]:
+        """Return it, and where it needs a derivative, with that smoothed otherwise."""
+        if not self._is_told:
+            return (self,)
+        return tuple(replace(self, smoothing=rate.smoothing) for rate in self._rate.live_forms())
+
     def c_columns(self, c: CForm) -> CColumns:
-        """Return T_outside − T."""
-        return CColumns([f'({c.channel(self.needs[0])} - {c.temperature})'])
-
-
-SELF_HEATING_K = 0.6
-"""What a die is warmer than its surroundings by when it has settled [K]: 0.3 to 1 K."""
+        """Return T_outside − T, or what the die tells of it."""
+        if not self._is_told:
+            return CColumns([f'({c.channel(self.needs[0])} - {c.temperature})'])
+        (rate,) = self._rate.c_columns(c).expressions
+        heating = c.exp(f'-{c.time} / {c.number(self.heating_time)}')
+        return CColumns(
+            [f'({c.number(self.settling)} * {rate} + {c.number(self._heating)} * {heating})']
+        )
 
 
 @dataclass(frozen=True)
 class GuessedGradient(Effect):
-    """The error follows a difference to surroundings whose temperature was not logged.
-
-    A die that follows them with a time constant θ, and heats itself by ΔT (1 − exp(−t/τ)) after
-    power-on, is cooler than they are by θ (dT/dt + ΔT (1/θ − 1/τ) exp(−t/τ)), up to a constant.
-    """
+    """The error follows a difference to surroundings whose temperature was not logged."""
 
     settling: float = shape_parameter(300.0, unit='s', bounds=(5.0, 3000.0))
     heating_time: float = shape_parameter(150.0, unit='s', bounds=(40.0, 600.0))
 
     name: ClassVar[str] = 'guessed_gradient'
-    equation: ClassVar[str] = 'error = a · (dT/dt + ΔT (1/θ − 1/τ) exp(−t/τ)),  ΔT = 0.6 K'
-    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}·s/K',)
+    equation: ClassVar[str] = 'error = a · (θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ)),  ΔT = 0.6 K'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
     kin: ClassVar[Kin] = 'temperature'
     guessed_channel: ClassVar[str] = 'chamber_temperature'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 1): guessed difference over θ [K/s]."""
-        rate, state = TemperatureRate().columns(conditions, state)
-        return rate + self._since_power_on(conditions), state
+        """Return (n, 1): guessed difference [K]."""
+        return self._gradient.columns(conditions, state)
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the same with the derivative itself, of a smooth temperature."""
-        rate = TemperatureRate().columns_in_hindsight(conditions)
-        return np.asarray(rate + self._since_power_on(conditions))
+        return self._gradient.columns_in_hindsight(conditions)
 
-    def _since_power_on(self, conditions: Conditions) -> FloatArray:
-        """Return (n, 1) what self-heating makes of the difference over θ [K/s]."""
-        size = SELF_HEATING_K * (1.0 / self.settling - 1.0 / self.heating_time)
-        return np.asarray(size * np.exp(-conditions.time / self.heating_time)[:, None])
+    @property
+    def _gradient(self) -> ThermalGradient:
+        return ThermalGradient(TOLD_FROM_THE_DIE, self.settling, self.heating_time)
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return settling times of a board to those of a housing."""
-        settling, heating = np.geomspace(8.0, 2000.0, 9), (60.0, 150.0, 400.0)
-        return [Candidate(cls(float(s), h)) for s, h in product(settling, heating)]
+        return [Candidate(cls(*pair)) for pair in product(SETTLINGS_S, HEATING_TIMES_S)]

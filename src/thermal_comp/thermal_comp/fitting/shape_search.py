@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -60,9 +60,7 @@ class ShapeScale:
 def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
     """Return the search scales of an effect; times [s] end with the run's `duration`."""
     scales = []
-    for item in fields(effect):
-        if 'bounds' not in item.metadata or item.metadata['given']:
-            continue
+    for item in effect.free_parameters:
         low, high = item.metadata['bounds']
         if item.metadata['unit'] == 's':
             high = max(min(high, duration), 1.001 * low)

@@ -167,15 +167,15 @@ def _shape_to_dict(
     effect: Effect, std: Mapping[str, tuple[float, ...]], form: Mapping[str, tuple[float, ...]]
 ) -> dict[str, Any]:
     shape: dict[str, Any] = {}
-    for item in fields(effect):
-        value = getattr(effect, item.name)
-        shape[item.name] = {
+    units = {item.name: item.metadata.get('unit', '') for item in fields(effect)}
+    for name, value in effect.shape_parameters.items():
+        shape[name] = {
             'value': [*map(float, value)] if isinstance(value, tuple) else float(value),
-            'unit': item.metadata.get('unit', ''),
+            'unit': units[name],
         }
         for key, table in (('std', std), ('form_std', form)):
-            if (found := table.get(f'{effect.name}.{item.name}')) is not None:
-                shape[item.name][key] = [*map(float, found)]
+            if (found := table.get(f'{effect.name}.{name}')) is not None:
+                shape[name][key] = [*map(float, found)]
     return shape
 
 
@@ -237,9 +237,7 @@ def fitted_shapes(model: ThermalModel) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for sensor, part in model.sensors.items():
         for effect in part.effects:
-            for item in fields(effect):
-                if item.metadata.get('given', True):
-                    continue
+            for item in effect.free_parameters:
                 unit = item.metadata['unit']
                 value = getattr(effect, item.name)
                 several = isinstance(value, tuple)

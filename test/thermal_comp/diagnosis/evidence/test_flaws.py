@@ -54,9 +54,10 @@ def test_what_stands_already_adds_nothing_and_what_lacks_has_its_size() -> None:
     lag = next(s for s in answer.sets if s.names == ('thermal_lag',))
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
     nothing = answer.hypotheses.conditioned(())
+    explained = answer.hypotheses.explained(lag.components, ())
     gain, amplitude = gain_of(nothing, term, flat, beside=True)
-    assert gain == pytest.approx(0.5 * lag.explained, rel=0.5)
-    assert 0.4 < amplitude / np.sqrt(lag.explained / 3.0) < 2.5  # of one axis, steps of two
+    assert gain == pytest.approx(0.5 * explained, rel=0.5)
+    assert 0.4 < amplitude / np.sqrt(explained / 3.0) < 2.5  # of one axis, steps of two
     assert gain_of(answer.hypotheses.conditioned(lag.components), term, flat)[0] < 1.0
 
 
@@ -64,7 +65,8 @@ def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
     answer = lagging_gyroscope()
     lag = next(s for s in answer.sets if s.names == ('thermal_lag',))
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
-    nothing, size = answer.hypotheses.conditioned(()), float(np.sqrt(lag.explained))
+    nothing = answer.hypotheses.conditioned(())
+    size = float(np.sqrt(answer.hypotheses.explained(lag.components, ())))
     free = gain_of(nothing, term, flat, beside=True)[0]
     assert gain_of(nothing, term, flat, beside=True, largest=2.0 * size)[0] == pytest.approx(free)
     assert gain_of(nothing, term, flat, beside=True, largest=0.3 * size)[0] < 0.8 * free

@@ -115,7 +115,10 @@ def test_an_effect_like_one_whose_channel_was_not_logged_leaves_it_a_third() -> 
     # Air that leads the die by its own lag: in ramps the difference is no rate while it builds up.
     outside = temperature + 400.0 * lagging(np.gradient(temperature, time), 300.0, PERIOD)
     logged = said_of(rate, two, chamber_temperature=outside)
-    assert probability(logged.explanations, lambda e: e.names == ('temperature_rate',)) > 0.95
+    by_name = {e.names: e.probability for e in logged.explanations}
+    assert by_name['temperature_rate',] > 0.85
+    # To a board that heats the die as fast as it follows, a difference would be a rate.
+    assert by_name['thermal_gradient',] > 0.95 - by_name['temperature_rate',]
 
 
 def test_a_step_is_found_beneath_the_levels_of_the_cycles() -> None:

@@ -66,13 +66,11 @@ def fitted_values(model: SensorModel) -> list[Shape]:
     """Return every value of a fitted shape parameter whose uncertainty the model has."""
     found = []
     for i, effect in enumerate(model.effects):
-        for item in fields(effect):
+        for item in effect.free_parameters:
             key = f'{effect.name}.{item.name}'
             spread = np.array(model.shape_std.get(key, ()))
             forms = np.array(model.shape_form_std.get(key, np.zeros(len(spread))))
             spread = np.sqrt(np.maximum(spread**2 - forms**2, 0.0))
-            if item.metadata.get('given', True):
-                continue
             value, unit = getattr(effect, item.name), item.metadata['unit']
             several = isinstance(value, tuple)
             values = value if several else [value]

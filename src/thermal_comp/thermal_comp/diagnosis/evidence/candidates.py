@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -64,6 +64,27 @@ class Family:
     def name(self) -> str:
         """Catalogue name of the effect."""
         return self.effect.name
+
+    @cached_property
+    def variants(self) -> dict[tuple[float, ...], list[Form]]:
+        """The forms of each variant of the effect."""
+        found: dict[tuple[float, ...], list[Form]] = {}
+        for form in self.forms:
+            found.setdefault(form.effect.variant, []).append(form)
+        return found
+
+    def alternatives(self, variant: tuple[float, ...]) -> int:
+        """Return one over the prior of a form: variants are equally likely, and forms of each."""
+        return len(self.variants) * len(self.variants[variant])
+
+    @cached_property
+    def alike(self) -> list[tuple[int, list[Form]]]:
+        """The forms in groups of one variant and as many columns, with their `alternatives`."""
+        groups: dict[tuple[object, int], list[Form]] = {}
+        for variant, forms in self.variants.items():
+            for form in forms:
+                groups.setdefault((variant, len(form.columns)), []).append(form)
+        return [(self.alternatives(some[0].effect.variant), some) for some in groups.values()]
 
 
 def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
@@ -266,9 +287,7 @@ def moved_forms(
 def _moved(effect: Effect, ratio: float, powers: Sequence[float]) -> Effect | None:
     left = iter(powers)
     changed: dict[str, Any] = {}
-    for item in fields(effect):
-        if item.metadata['given']:
-            continue
+    for item in effect.free_parameters:
         value: Any = getattr(effect, item.name)
         low, high = item.metadata.get('searched') or item.metadata['bounds']
         step = item.metadata.get('step')

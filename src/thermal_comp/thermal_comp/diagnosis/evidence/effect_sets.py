@@ -25,7 +25,7 @@ class Component:
     amplitude: float
     """Prior standard deviation of its largest coefficient [√Δχ²]."""
     forms: int
-    """Forms of its family, equally likely."""
+    """One over the prior of its form, as if all forms of its family were as likely."""
 
     @property
     def name(self) -> str:

@@ -162,7 +162,7 @@ def _flaw(
             size = _more_explained(hypotheses, with_it, some)
             alike.append(gain + weight + log_prior_at(size, likeness))
         else:  # no flaw looks like slow noise
-            size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
+            size = _more_than_noise(hypotheses, with_it, some)
             others.append(gain + weight + log_prior_at(size, likeness))
     ways = [(one.free_flaw, 1)]
     ways += [(log_sum(single), len(single))] if single else []
@@ -178,6 +178,15 @@ def _more_explained(hypotheses: SensorHypotheses, larger: EffectSet, some: Effec
     nuisances = hypotheses.likeliest_nuisances(larger.components)
     more = hypotheses.joint(larger.components, nuisances)[1]
     return float(np.sqrt(max(more - hypotheses.joint(some.components, nuisances)[1], 0.0)))
+
+
+def _more_than_noise(hypotheses: SensorHypotheses, larger: EffectSet, some: EffectSet) -> float:
+    """Return √Δχ² by which a larger set explains more than a set and its likeliest slow noise."""
+    of_larger, of_some = (
+        hypotheses.joint(one.components, hypotheses.likeliest_nuisances(one.components))[1]
+        for one in (larger, some)
+    )
+    return float(np.sqrt(max(of_larger - of_some, 0.0)))
 
 
 def _explained_by_history(some: EffectSet) -> float:

@@ -95,12 +95,11 @@ class SensorHypotheses:
         self._likeliest.clear()
         self._felt_between.clear()
         likeliest = self.likeliest_nuisances(())
-        self.nothing = self.log_evidence(())[0]
+        self.nothing = self.log_evidence(())
         alone = self.joint((), likeliest[:1])[1]
         plausible = self._prior_chi2(likeliest[0]) <= MOST_THERMOMETER_CHI2
         self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
         """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
-        self.explained_by_nuisances = self.joint((), likeliest)[1]
 
     def likeliest_nuisances(self, components: Sequence[Component]) -> Sequence[CoefficientPrior]:
         """Return the alternative of the nuisances that is likeliest beside components.
@@ -161,10 +160,21 @@ class SensorHypotheses:
             unknown = self.joint(components, [*nuisances, *felt])[0]
             return unknown - self.joint(components, nuisances)[0]
 
-    def log_evidence(self, components: Sequence[Component]) -> tuple[float, float]:
-        """Return ln evidence, nuisances integrated, and Δχ² beside them."""
-        each = [(ln + z, gain) for ln, (z, gain) in self._alternatives(components)]
-        return log_sum([z for z, _ in each]), max(each)[1]
+    def log_evidence(self, components: Sequence[Component]) -> float:
+        """Return ln evidence, nuisances integrated."""
+        return log_sum([ln + z for ln, (z, _) in self._alternatives(components)])
+
+    def explained(
+        self, components: Sequence[Component], others: Sequence[Component] | None = None
+    ) -> float:
+        """Return Δχ² of components beside the slow noise that is likeliest with them, or `others`.
+
+        Beside no effect louder noise is likelier, which explains what they do. The thermometer
+        lags little, as most do: one that lags much explains most of what a rate does.
+        """
+        slow = self.likeliest_nuisances(components if others is None else others)[1:]
+        nuisances = [self.nuisances[0][1][0], *slow]
+        return self.joint(components, nuisances)[1] - self.joint((), nuisances)[1]
 
     def _alternatives(
         self, components: Sequence[Component]
@@ -182,11 +192,11 @@ class SensorHypotheses:
     def evidence(self, components: Sequence[Component], name: str | None = None) -> float:
         """Return 2 ln of the Bayes factor of one effect in a set, or of the set."""
         left = [c for c in components if name is not None and c.name != name]
-        return 2.0 * (self.log_evidence(components)[0] - self.log_evidence(left)[0])
+        return 2.0 * (self.log_evidence(components) - self.log_evidence(left))
 
     def log_bayes_factor(self, components: Sequence[Component]) -> float:
         """Return ln of the Bayes factor of effects in their forms against no effect."""
-        return self.log_evidence(components)[0] - self.nothing
+        return self.log_evidence(components) - self.nothing
 
     def needed_evidence(self, belief: float) -> float:
         """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""

@@ -20,7 +20,6 @@ from thermal_comp.diagnosis.evidence.effect_sets import (
 from thermal_comp.diagnosis.evidence.flaws import (
     FittedSet,
     exact_weight,
-    explained_by_equations,
     flaws,
     free_flaw,
 )
@@ -31,6 +30,7 @@ from thermal_comp.diagnosis.evidence.remainders import (
     own_variables,
     remainders,
 )
+from thermal_comp.diagnosis.evidence.set_fit import following_a_channel
 from thermal_comp.linear.gaussian_evidence import log_sum
 
 CREDIBLE_PROBABILITY = 0.95
@@ -151,19 +151,32 @@ def _as_twins(
     found: list[list[Remainder]] = []
     for some, _ in weighed:
         found.append([])
-        for component in some.components:
+        for place, component in enumerate(some.components):
             twin = component.form.effect.twin
+            if not twin:
+                continue
             others = [name for name in some.names if name != component.name]
+            ways = [some.components, following_a_channel(hypotheses, some.components, place)]
             for names in ([twin, *others], [twin, *some.names]):
                 better, parts = named.get(tuple(sorted(names)), (some, []))
-                if twin in some.names or better.explained <= some.explained:
+                if twin in some.names or better is some:
                     continue
-                share = float(np.sqrt(better.explained - some.explained))
-                share /= max(explained_by_equations(hypotheses, some), 1.0)
+                odds = max(_log_odds_of_twin(hypotheses, way, better) for way in ways)
                 change = better.log_posterior - better.log_prior + some.log_prior
-                change += hypotheses.log_odds_of_twin(some.components, share) - some.log_posterior
+                change += odds - some.log_posterior
                 found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
     return found
+
+
+def _log_odds_of_twin(
+    hypotheses: SensorHypotheses, components: Sequence[Component], better: EffectSet
+) -> float:
+    """Return ln of the odds that flaws make up for what a set with a twin explains better."""
+    own = hypotheses.explained(components, better.components)
+    if better.explained <= own:
+        return -np.inf
+    share = float(np.sqrt((better.explained - own) / max(own, 1.0)))
+    return hypotheses.log_odds_of_twin(components, share)
 
 
 def _named(some: EffectSet, rest: Sequence[Remainder], total: float) -> Explanation:

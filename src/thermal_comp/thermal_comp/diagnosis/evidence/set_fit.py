@@ -44,9 +44,66 @@ def _fitted(
 ) -> list[Component]:
     """Return the components with their best shapes and amplitudes beside each other."""
     for place in range(len(components)):
+        components = _in_likeliest_variant(hypotheses, components, place)
         components = _shaped(hypotheses, components, place, ratios)
         components = scaled(hypotheses, components, place)[0]
     return components
+
+
+def _in_likeliest_variant(
+    hypotheses: SensorHypotheses, components: list[Component], place: int
+) -> list[Component]:
+    """Return the components with one in the variant that is likeliest beside the others."""
+    likely = _FormEvidence(hypotheses, components, place)
+    tried = [components[place], *_other_variants(hypotheses, components, place)]
+    likeliest = max(tried, key=lambda c: likely(c.form) - float(np.log(c.forms)))
+    return [*components[:place], likeliest, *components[place + 1 :]]
+
+
+def following_a_channel(
+    hypotheses: SensorHypotheses, components: Sequence[Component], place: int
+) -> list[Component]:
+    """Return the components with one in its likeliest variant that follows a logged channel.
+
+    The same where it does so already, or has none.
+    """
+    kept = [*components]
+    if kept[place].form.effect.needs:
+        return kept
+    others = _other_variants(hypotheses, kept, place)
+    logged = [other for other in others if other.form.effect.needs]
+    if not logged:
+        return kept
+    likely = _FormEvidence(hypotheses, kept, place)
+    kept[place] = max(logged, key=lambda c: likely(c.form))
+    return scaled(hypotheses, kept, place)[0]
+
+
+def _other_variants(
+    hypotheses: SensorHypotheses, components: Sequence[Component], place: int
+) -> list[Component]:
+    """Return one of the components in the likeliest form of every other variant of its effect.
+
+    Those of a spectral line are told by its frequency.
+    """
+    one = components[place]
+    effect = one.form.effect
+    family = next((f for f in hypotheses.families if f.effect is type(effect)), None)
+    if family is None or len(family.variants) < 2 or effect.line_frequency is not None:
+        return []
+    state = hypotheses.conditioned([*components[:place], *components[place + 1 :]])
+    found = []
+    for variant, forms in family.variants.items():
+        if variant != effect.variant:
+            evidence, _ = state.evidences(
+                np.array([form.columns for form in forms]),
+                priors.AMPLITUDES,
+                shared=forms[0].terms[0].shared,
+                relative=np.array([form.relative for form in forms]),
+            )
+            best = int(np.argmax(np.logaddexp.reduce(evidence, axis=1)))
+            found.append(replace(one, form=forms[best], forms=family.alternatives(variant)))
+    return found
 
 
 def _shaped(
@@ -138,15 +195,14 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
     for place in range(len(components)):
         components, total = scaled(hypotheses, components, place)
         occam += total + _shape_share(hypotheses, components, place)
-    evidence, explained = hypotheses.log_evidence(components)
+    evidence = hypotheses.log_evidence(components)
     evidence += hypotheses.log_odds_between_bursts(components)
-    explained -= hypotheses.explained_by_nuisances
     prior = hypotheses.log_prior(len(components)) + _amplitudes_log_prior(components)
     return EffectSet(
         tuple(components),
         prior + evidence + occam - hypotheses.nothing,
         prior,
-        max(explained, 0.0),
+        hypotheses.explained(components),
     )
 
 

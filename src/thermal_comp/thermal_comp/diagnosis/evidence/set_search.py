@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.spectral_lines import frequencies_told_apart
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.candidates import Family, Form, renewed
+from thermal_comp.diagnosis.evidence.candidates import Family, renewed
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet, Names
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.set_fit import fitted_set
@@ -62,7 +62,31 @@ def likeliest_sets(hypotheses: SensorHypotheses) -> list[EffectSet]:
         grown = [s for s in ranked if s.explained > 0.0][:KEPT_SETS]
         if not grown:
             break
+    found |= _with_twins(hypotheses, found)
     return sorted(found.values(), key=lambda s: -s.log_posterior)
+
+
+def _with_twins(
+    hypotheses: SensorHypotheses, found: Mapping[Names, EffectSet]
+) -> dict[Names, EffectSet]:
+    """Return the likeliest sets with the twin of an effect in its place, where not yet known.
+
+    What little tells twins apart is weighed later, so that both have to stand there.
+    """
+    ranked = sorted(found.values(), key=lambda s: -s.log_posterior)
+    families = {family.name: family for family in hypotheses.families}
+    more: dict[Names, EffectSet] = {}
+    for some in ranked[:KEPT_SETS]:
+        for one in some.components:
+            twin = one.form.effect.twin
+            others = [c for c in some.components if c is not one]
+            names = tuple(sorted((twin, *(c.name for c in others))))
+            if twin in families and twin not in some.names and names not in {*found, *more}:
+                state = hypotheses.conditioned(others)
+                prior = priors.amplitude_log_prior(one.amplitude if others else None)
+                added = _addition(hypotheses, state, families[twin], prior)
+                more[names] = fitted_set(hypotheses, (*others, added.component))
+    return more
 
 
 def _extended(
@@ -133,11 +157,11 @@ def _addition(
     family: Family,
     amplitude_prior: FloatArray,
 ) -> Addition:
-    count = _form_count(hypotheses, family)
-    before = state.log_evidence
+    before, lines = state.log_evidence, _line_count(hypotheses, family)
     integrals: list[float] = []
     best: tuple[float, Component] | None = None
-    for forms in _alike(family.forms):
+    for alternatives, forms in family.alike:
+        count = lines or alternatives
         evidence, _ = state.evidences(
             np.array([form.columns for form in forms]),
             priors.AMPLITUDES,
@@ -156,10 +180,10 @@ def _addition(
     return Addition(log_sum(integrals), *best)
 
 
-def _form_count(hypotheses: SensorHypotheses, family: Family) -> int:
-    """Return the number of forms that could have been chosen from."""
+def _line_count(hypotheses: SensorHypotheses, family: Family) -> int:
+    """Return the number of spectral lines that could have been chosen from; 0: it is none."""
     if family.forms[0].effect.line_frequency is None:
-        return len(family.forms)
+        return 0
     return frequencies_told_apart(hypotheses.design.source.runs)
 
 
@@ -169,11 +193,3 @@ def best_single(hypotheses: SensorHypotheses, family: Family) -> EffectSet:
         hypotheses, hypotheses.conditioned(()), family, priors.amplitude_log_prior(None)
     )
     return fitted_set(hypotheses, [addition.component])
-
-
-def _alike(forms: Sequence[Form]) -> list[list[Form]]:
-    """Return the forms in groups of as many columns."""
-    groups: dict[int, list[Form]] = {}
-    for form in forms:
-        groups.setdefault(sum(len(term.columns) for term in form.terms), []).append(form)
-    return list(groups.values())
