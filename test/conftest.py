@@ -85,10 +85,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if needing:
         config.hook.pytest_deselected(items=needing)
         items[:] = [item for item in items if item not in needing]
-        config.stash[_DESELECTED] = len(needing)
 
 
-_DESELECTED = pytest.StashKey[int]()
+def pytest_deselected(items: list[pytest.Item]) -> None:
+    """Count tests that are left out, by the reason."""
+    for item in items:
+        counts = item.config.stash.setdefault(_DESELECTED, {})
+        if item.get_closest_marker('long'):
+            counts[LONG] = counts.get(LONG, 0) + 1
+        elif item.get_closest_marker('shared_data') and not SHARED.is_dir():
+            counts[WITHOUT_SHARED] = counts.get(WITHOUT_SHARED, 0) + 1
+
+
+LONG = 'make test-long runs them'
+WITHOUT_SHARED = f'they need measurements in {SHARED}, which is not here'
+_DESELECTED = pytest.StashKey[dict[str, int]]()
 _LAUNCHED = pytest.StashKey[list[str]]()
 
 
@@ -96,24 +107,21 @@ _LAUNCHED = pytest.StashKey[list[str]]()
 def pytest_testnodedown(node: Any) -> None:
     """Take what a worker of `pytest -n` found into the summary of the whole run."""
     found = getattr(node, 'workeroutput', {})
-    deselected = node.config.stash.get(_DESELECTED, 0)  # every worker collects all tests
-    node.config.stash[_DESELECTED] = max(deselected, found.get('deselected', 0))
+    # Every worker collects all tests.
+    node.config.stash.setdefault(_DESELECTED, {}).update(found.get('deselected', {}))
     node.config.stash.setdefault(_LAUNCHED, []).extend(found.get('launched', []))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    count = config.stash.get(_DESELECTED, 0)
-    if count:
-        terminalreporter.write_line(
-            f'{count} tests deselected: they need measurements in {SHARED}, which is not here'
-        )
+    for reason, count in config.stash.get(_DESELECTED, {}).items():
+        terminalreporter.write_line(f'{count} tests left out: {reason}')
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     launched = [m for m in ('launch', 'launch_ros') if m in sys.modules]
     output = getattr(session.config, 'workeroutput', None)
     if output is not None:
-        output['deselected'] = session.config.stash.get(_DESELECTED, 0)
+        output['deselected'] = session.config.stash.get(_DESELECTED, {})
         output['launched'] = launched
         return
     launched = sorted({*launched, *session.config.stash.get(_LAUNCHED, [])})

@@ -174,7 +174,7 @@ class SensorHypotheses:
         """
         slow = self.likeliest_nuisances(components if others is None else others)[1:]
         nuisances = [self.nuisances[0][1][0], *slow]
-        return self.joint(components, nuisances)[1] - self.joint((), nuisances)[1]
+        return max(self.joint(components, nuisances)[1] - self.joint((), nuisances)[1], 0.0)
 
     def _alternatives(
         self, components: Sequence[Component]

@@ -54,8 +54,11 @@ def _in_likeliest_variant(
     hypotheses: SensorHypotheses, components: list[Component], place: int
 ) -> list[Component]:
     """Return the components with one in the variant that is likeliest beside the others."""
+    others = _other_variants(hypotheses, components, place)
+    if not others:
+        return components
     likely = _FormEvidence(hypotheses, components, place)
-    tried = [components[place], *_other_variants(hypotheses, components, place)]
+    tried = [components[place], *others]
     likeliest = max(tried, key=lambda c: likely(c.form) - float(np.log(c.forms)))
     return [*components[:place], likeliest, *components[place + 1 :]]
 
