@@ -17,7 +17,7 @@ demo: ## Simulate, fit, compare; writes demo/report.html and demo/report.json
 	@tools/setup_workspace.sh
 	@. ./env.sh && python -m imu_workbench demo -o demo
 
-test: ## Run the tests; the last line counts those that are left to test-long
+test: ## Run the tests; its summary counts those left to test-long
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(IN_PARALLEL) $(PYTEST_ARGS)
 
@@ -25,7 +25,7 @@ test-web: ## Test the web page in headless Chromium (apt install chromium)
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(IN_PARALLEL) $(PYTEST_ARGS)
 
-test-long: ## Run further cases of tests, which take some ten minutes
+test-long: ## Run the further cases that make test leaves out
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && python -m pytest -m long -o python_files='test_*.py *_in_browser.py' $(IN_PARALLEL) $(PYTEST_ARGS)
 

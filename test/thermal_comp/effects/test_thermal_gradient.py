@@ -16,8 +16,8 @@ from thermal_comp.effects.contract import (
 )
 from thermal_comp.effects.temperature_rate import SMOOTHINGS_S
 from thermal_comp.effects.thermal_gradient import (
+    ESTIMATED_FROM_DIE,
     SELF_HEATING_K,
-    TOLD_FROM_THE_DIE,
     GuessedGradient,
     ThermalGradient,
 )
@@ -44,7 +44,7 @@ def test_the_die_tells_the_difference_to_surroundings_that_heat_it(
     still = np.zeros((len(time), 3))
     conditions = Conditions(time, die, still, still, still)
     difference = outside(time) - die
-    told = ThermalGradient(TOLD_FROM_THE_DIE, settling, heating_time, 10.0)
+    told = ThermalGradient(ESTIMATED_FROM_DIE, settling, heating_time, 10.0)
     found = told.columns_in_hindsight(conditions)[:, 0] - SELF_HEATING_K
     np.testing.assert_allclose(found, difference, atol=0.03)
     guessed = GuessedGradient(settling, heating_time)
@@ -57,18 +57,27 @@ def test_the_die_tells_the_difference_to_surroundings_that_heat_it(
 
 
 def test_a_measured_difference_has_no_time_constants() -> None:
-    measured, told = ThermalGradient(1.0), ThermalGradient(TOLD_FROM_THE_DIE)
+    measured, told = ThermalGradient(1.0), ThermalGradient(ESTIMATED_FROM_DIE)
     assert measured.shape_parameters == {'outside': 1.0}
     assert (measured.free_shapes, measured.needs) == (0, ('device_temperature',))
     assert [p.name for p in told.free_parameters] == ['settling', 'heating_time']
     assert (told.free_shapes, told.needs) == (2, ())
     assert measured.variant != told.variant == replace(told, settling=9.0).variant
     assert measured.live_forms() == (measured,)
+    # A file may hold any number between the bounds: the nearest form is meant.
+    assert (ThermalGradient(2.4).needs, ThermalGradient(2.7).needs) == (
+        ('chamber_temperature_2',),
+        (),
+    )
+    assert ThermalGradient(2.7).columns(example_conditions())[0].shape == (
+        len(example_conditions()),
+        1,
+    )
     assert {form.smoothing for form in told.live_forms()} == {*SMOOTHINGS_S}
 
 
 def test_what_the_die_tells_does_not_depend_on_where_a_stream_is_cut() -> None:
-    told, conditions = ThermalGradient(TOLD_FROM_THE_DIE), example_conditions()
+    told, conditions = ThermalGradient(ESTIMATED_FROM_DIE), example_conditions()
     cut = columns_in_pieces(told, conditions, CUT_ROWS[0])
     np.testing.assert_allclose(cut, told.columns(conditions)[0], atol=1e-9)
 

@@ -19,7 +19,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
-from thermal_comp.effects.thermal_gradient import TOLD_FROM_THE_DIE, ThermalGradient
+from thermal_comp.effects.thermal_gradient import ESTIMATED_FROM_DIE, ThermalGradient
 from thermal_comp.export.c99 import c99_of
 from thermal_comp.export.single_precision import LARGEST_ROUNDING_SHARE, single_precision_shares
 from thermal_comp.export.vectors import example_course, recorded_course, vectors_text
@@ -103,7 +103,7 @@ def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures('compiler')
 def test_a_gradient_in_c_asks_for_the_thermometer_it_was_fitted_with(tmp_path: Path) -> None:
-    for form, channels in [(1.0, ['device_temperature']), (TOLD_FROM_THE_DIE, [])]:
+    for form, channels in [(1.0, ['device_temperature']), (ESTIMATED_FROM_DIE, [])]:
         model = model_of([ThermalGradient(outside=form)])
         assert [*write_c(tmp_path, model)] == channels
         off_by(tmp_path, model, [example_course(model)])

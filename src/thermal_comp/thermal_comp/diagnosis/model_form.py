@@ -308,7 +308,7 @@ def _alternatives(
     hypotheses.allow_unnamed()
     state = hypotheses.conditioned(components)
     explained = hypotheses.explained(components)
-    amplitudes = priors.flaw_log_prior(float(np.sqrt(max(explained, 0.0))))
+    amplitudes = priors.flaw_log_prior(float(np.sqrt(explained)))
     variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
     singles = sorted(
         ((gain_of(state, term, amplitudes, beside=True), term) for term in variables),

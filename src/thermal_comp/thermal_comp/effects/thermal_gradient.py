@@ -15,7 +15,7 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.temperature_rate import TemperatureRate
 
-TOLD_FROM_THE_DIE = 3.0
+ESTIMATED_FROM_DIE = 3.0
 """`outside` of a form that needs no second thermometer."""
 SELF_HEATING_K = 0.6
 """What a die is warmer than its surroundings by when it has settled [K]: 0.3 to 1 K."""
@@ -31,15 +31,15 @@ HEATING_TIMES_S = (60.0, 150.0, 400.0)
 class ThermalGradient(Effect):
     """The error is proportional to the difference between a second thermometer and the die.
 
-    A thermometer on the board is as slow as the die is: what heats or cools the board is told
-    from the die itself. One that follows it with a time constant θ, and heats itself by
-    ΔT (1 − exp(−t/τ)) after power-on, is cooler than the board by
-    θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ), up to a constant.
+    A thermometer on the board may lag as much as the die does; then the board's temperature is
+    estimated from the die's. By Newton's law of cooling a die that follows the board with a time
+    constant θ [s], and heats itself by ΔT (1 − exp(−t/τ)) [K] after power-on, is cooler than the
+    board by θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ) [K], up to a constant.
     """
 
     outside: float = shape_parameter(0.0, unit='1', bounds=(0.0, 3.0), given=True)
     """Second thermometer: 0 air in the chamber, 1 on the device, 2 second sensor in the air; 3:
-    none, the board is told from the die."""
+    none, the board is estimated from the die."""
     settling: float = shape_parameter(30.0, unit='s', bounds=(2.0, 3000.0), assumed=True)
     """Time constant θ with which the die follows the board, of form 3."""
     heating_time: float = shape_parameter(150.0, unit='s', bounds=(40.0, 600.0), assumed=True)
@@ -54,7 +54,7 @@ class ThermalGradient(Effect):
     substitutes: ClassVar[tuple[str, ...]] = ('device_temperature', 'chamber_temperature_2')
     equation: ClassVar[str] = (
         'error = a · (T_outside − T),  outside: 0 air in the chamber, 1 on the device, '
-        '2 second sensor in the air, 3 the board as told from the die: '
+        '2 second sensor in the air, 3 the board as estimated from the die: '
         'a · (θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ)),  ΔT = 0.6 K'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
@@ -78,25 +78,26 @@ class ThermalGradient(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): T_outside − T [K]."""
-        if self._is_told:
+        if self._is_estimated:
             rate, state = self._rate.columns(conditions, state)
-            return self._told(rate, conditions), state
+            return self._estimated(rate, conditions), state
         outside = getattr(conditions, self.needs[0])
         return (outside - conditions.temperature)[:, None], None
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the same, with the derivative of a smooth temperature."""
-        if self._is_told:
-            return self._told(self._rate.columns_in_hindsight(conditions), conditions)
+        if self._is_estimated:
+            return self._estimated(self._rate.columns_in_hindsight(conditions), conditions)
         return self.columns(conditions)[0]
 
-    def _told(self, rate: FloatArray, conditions: Conditions) -> FloatArray:
+    def _estimated(self, rate: FloatArray, conditions: Conditions) -> FloatArray:
+        """Return (n, 1) the board above the die [K], of dT/dt (n, 1) [K/s]."""
         heating = self._heating * np.exp(-conditions.time / self.heating_time)
         return np.asarray(self.settling * rate + heating[:, None])
 
     @property
-    def _is_told(self) -> bool:
-        return self.outside == TOLD_FROM_THE_DIE
+    def _is_estimated(self) -> bool:
+        return round(self.outside) == ESTIMATED_FROM_DIE
 
     @property
     def _rate(self) -> TemperatureRate:
@@ -109,13 +110,13 @@ class ThermalGradient(Effect):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The channel of the second thermometer; none where the board is told from the die."""
+        """The channel of the second thermometer; none where the board is estimated."""
         return (*self.channels, *self.substitutes)[round(self.outside) :][:1]
 
     @property
     def shape_parameters(self) -> dict[str, Any]:
         """Shape parameters by name: a measured difference has its thermometer alone."""
-        return super().shape_parameters if self._is_told else {'outside': self.outside}
+        return super().shape_parameters if self._is_estimated else {'outside': self.outside}
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
@@ -125,10 +126,10 @@ class ThermalGradient(Effect):
         """
         forms = [cls(float(number)) for number in range(1 + len(cls.substitutes))]
         measured = [form for form in forms if campaign.channels.issuperset(form.needs)]
-        told = [
-            cls(TOLD_FROM_THE_DIE, *pair) for pair in product(BOARD_SETTLINGS_S, HEATING_TIMES_S)
+        estimated = [
+            cls(ESTIMATED_FROM_DIE, *pair) for pair in product(BOARD_SETTLINGS_S, HEATING_TIMES_S)
         ]
-        return [Candidate(form) for form in (*measured, *told)] if measured else []
+        return [Candidate(form) for form in (*measured, *estimated)] if measured else []
 
     @classmethod
     def guess(cls) -> type[Effect] | None:
@@ -137,13 +138,13 @@ class ThermalGradient(Effect):
 
     def live_forms(self) -> tuple[ThermalGradient, ...]:
         """Return it, and where it needs a derivative, with that smoothed otherwise."""
-        if not self._is_told:
+        if not self._is_estimated:
             return (self,)
         return tuple(replace(self, smoothing=rate.smoothing) for rate in self._rate.live_forms())
 
     def c_columns(self, c: CForm) -> CColumns:
-        """Return T_outside − T, or what the die tells of it."""
-        if not self._is_told:
+        """Return T_outside − T, or its estimate from the die."""
+        if not self._is_estimated:
             return CColumns([f'({c.channel(self.needs[0])} - {c.temperature})'])
         (rate,) = self._rate.c_columns(c).expressions
         heating = c.exp(f'-{c.time} / {c.number(self.heating_time)}')
@@ -177,7 +178,7 @@ class GuessedGradient(Effect):
 
     @property
     def _gradient(self) -> ThermalGradient:
-        return ThermalGradient(TOLD_FROM_THE_DIE, self.settling, self.heating_time)
+        return ThermalGradient(ESTIMATED_FROM_DIE, self.settling, self.heating_time)
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

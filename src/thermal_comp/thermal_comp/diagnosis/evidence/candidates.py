@@ -78,13 +78,13 @@ class Family:
         return len(self.variants) * len(self.variants[variant])
 
     @cached_property
-    def alike(self) -> list[tuple[int, list[Form]]]:
-        """The forms in groups of one variant and as many columns, with their `alternatives`."""
+    def alike(self) -> list[list[Form]]:
+        """The forms in groups of one variant and as many columns."""
         groups: dict[tuple[object, int], list[Form]] = {}
         for variant, forms in self.variants.items():
             for form in forms:
                 groups.setdefault((variant, len(form.columns)), []).append(form)
-        return [(self.alternatives(some[0].effect.variant), some) for some in groups.values()]
+        return [*groups.values()]
 
 
 def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:

@@ -153,18 +153,19 @@ def _as_twins(
         found.append([])
         for place, component in enumerate(some.components):
             twin = component.form.effect.twin
-            if not twin:
-                continue
             others = [name for name in some.names if name != component.name]
-            ways = [some.components, following_a_channel(hypotheses, some.components, place)]
-            for names in ([twin, *others], [twin, *some.names]):
-                better, parts = named.get(tuple(sorted(names)), (some, []))
-                if twin in some.names or better is some:
-                    continue
+            beside = [tuple(sorted([twin, *rest])) for rest in (others, some.names)]
+            known = [named[names] for names in beside if twin not in some.names and names in named]
+            if not known:
+                continue
+            measured = following_a_channel(hypotheses, some.components, place)
+            ways = [some.components, *([measured] if measured else [])]
+            for better, parts in known:
                 odds = max(_log_odds_of_twin(hypotheses, way, better) for way in ways)
                 change = better.log_posterior - better.log_prior + some.log_prior
                 change += odds - some.log_posterior
-                found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
+                if np.isfinite(odds):
+                    found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
     return found
 
 

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import Form, form_of, moved_forms
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.gaussian_evidence import log_sum
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005, 1.001, 1.0002, 1.00005, 1.00001)
 """Factors by which shape parameters are moved, ever smaller; the peak lies between them."""
@@ -65,21 +66,21 @@ def _in_likeliest_variant(
 
 def following_a_channel(
     hypotheses: SensorHypotheses, components: Sequence[Component], place: int
-) -> list[Component]:
+) -> list[Component] | None:
     """Return the components with one in its likeliest variant that follows a logged channel.
 
-    The same where it does so already, or has none.
+    None where it does so already, or has no such variant.
     """
-    kept = [*components]
-    if kept[place].form.effect.needs:
-        return kept
-    others = _other_variants(hypotheses, kept, place)
+    if components[place].form.effect.needs:
+        return None
+    others = _other_variants(hypotheses, components, place)
     logged = [other for other in others if other.form.effect.needs]
     if not logged:
-        return kept
-    likely = _FormEvidence(hypotheses, kept, place)
-    kept[place] = max(logged, key=lambda c: likely(c.form))
-    return scaled(hypotheses, kept, place)[0]
+        return None
+    likely = _FormEvidence(hypotheses, components, place)
+    measured = max(logged, key=lambda c: likely(c.form))
+    changed = [*components[:place], measured, *components[place + 1 :]]
+    return scaled(hypotheses, changed, place)[0]
 
 
 def _other_variants(
@@ -98,15 +99,20 @@ def _other_variants(
     found = []
     for variant, forms in family.variants.items():
         if variant != effect.variant:
-            evidence, _ = state.evidences(
-                np.array([form.columns for form in forms]),
-                priors.AMPLITUDES,
-                shared=forms[0].terms[0].shared,
-                relative=np.array([form.relative for form in forms]),
-            )
+            evidence = evidence_of_forms(state, forms)
             best = int(np.argmax(np.logaddexp.reduce(evidence, axis=1)))
             found.append(replace(one, form=forms[best], forms=family.alternatives(variant)))
     return found
+
+
+def evidence_of_forms(state: ConditionedDesign, forms: Sequence[Form]) -> FloatArray:
+    """Return (k, s) ln evidence of k forms with as many columns, at s AMPLITUDES."""
+    return state.evidences(
+        np.array([form.columns for form in forms]),
+        priors.AMPLITUDES,
+        shared=forms[0].terms[0].shared,
+        relative=np.array([form.relative for form in forms]),
+    )[0]
 
 
 def _shaped(

@@ -11,10 +11,10 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.spectral_lines import frequencies_told_apart
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.candidates import Family, renewed
+from thermal_comp.diagnosis.evidence.candidates import Family, Form, renewed
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet, Names
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.diagnosis.evidence.set_fit import fitted_set
+from thermal_comp.diagnosis.evidence.set_fit import evidence_of_forms, fitted_set
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 MOST_EFFECTS = 3
@@ -157,18 +157,12 @@ def _addition(
     family: Family,
     amplitude_prior: FloatArray,
 ) -> Addition:
-    before, lines = state.log_evidence, _line_count(hypotheses, family)
+    before = state.log_evidence
     integrals: list[float] = []
     best: tuple[float, Component] | None = None
-    for alternatives, forms in family.alike:
-        count = lines or alternatives
-        evidence, _ = state.evidences(
-            np.array([form.columns for form in forms]),
-            priors.AMPLITUDES,
-            shared=forms[0].terms[0].shared,
-            relative=np.array([form.relative for form in forms]),
-        )
-        weighted = evidence + amplitude_prior - before
+    for forms in family.alike:
+        count = _form_count(hypotheses, family, forms[0])
+        weighted = evidence_of_forms(state, forms) + amplitude_prior - before
         each = np.logaddexp.reduce(weighted, axis=1)
         integrals += (each - np.log(count)).tolist()
         k = int(np.argmax(each))
@@ -180,10 +174,10 @@ def _addition(
     return Addition(log_sum(integrals), *best)
 
 
-def _line_count(hypotheses: SensorHypotheses, family: Family) -> int:
-    """Return the number of spectral lines that could have been chosen from; 0: it is none."""
-    if family.forms[0].effect.line_frequency is None:
-        return 0
+def _form_count(hypotheses: SensorHypotheses, family: Family, form: Form) -> int:
+    """Return one over the prior of a form: of a spectral line, that of its frequency."""
+    if form.effect.line_frequency is None:
+        return family.alternatives(form.effect.variant)
     return frequencies_told_apart(hypotheses.design.source.runs)
 
 
