@@ -30,7 +30,7 @@ from thermal_comp.diagnosis.evidence.remainders import (
     own_variables,
     remainders,
 )
-from thermal_comp.diagnosis.evidence.set_fit import following_a_channel
+from thermal_comp.diagnosis.evidence.set_fit import in_each_variant
 from thermal_comp.linear.gaussian_evidence import log_sum
 
 CREDIBLE_PROBABILITY = 0.95
@@ -145,7 +145,7 @@ def _as_twins(
 
     The twin stands in place of the effect or beside it. A rate and a gradient differ by where a
     thermometer sits, and their columns are right to a few per cent: what one explains better than
-    the other by no more than that does not decide between them.
+    the other by no more than that does not decide between them. Variants are equally likely.
     """
     named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
     found: list[list[Remainder]] = []
@@ -158,10 +158,10 @@ def _as_twins(
             known = [named[names] for names in beside if twin not in some.names and names in named]
             if not known:
                 continue
-            measured = following_a_channel(hypotheses, some.components, place)
-            ways = [some.components, *([measured] if measured else [])]
+            ways = in_each_variant(hypotheses, some.components, place)
             for better, parts in known:
-                odds = max(_log_odds_of_twin(hypotheses, way, better) for way in ways)
+                each = [_log_odds_of_twin(hypotheses, way, better) for way in ways]
+                odds = log_sum(each) - float(np.log(len(each)))
                 change = better.log_posterior - better.log_prior + some.log_prior
                 change += odds - some.log_posterior
                 if np.isfinite(odds):

@@ -64,23 +64,13 @@ def _in_likeliest_variant(
     return [*components[:place], likeliest, *components[place + 1 :]]
 
 
-def following_a_channel(
+def in_each_variant(
     hypotheses: SensorHypotheses, components: Sequence[Component], place: int
-) -> list[Component] | None:
-    """Return the components with one in its likeliest variant that follows a logged channel.
-
-    None where it does so already, or has no such variant.
-    """
-    if components[place].form.effect.needs:
-        return None
+) -> list[list[Component]]:
+    """Return the components, and with one in the likeliest form of every other variant."""
     others = _other_variants(hypotheses, components, place)
-    logged = [other for other in others if other.form.effect.needs]
-    if not logged:
-        return None
-    likely = _FormEvidence(hypotheses, components, place)
-    measured = max(logged, key=lambda c: likely(c.form))
-    changed = [*components[:place], measured, *components[place + 1 :]]
-    return scaled(hypotheses, changed, place)[0]
+    changed = [[*components[:place], other, *components[place + 1 :]] for other in others]
+    return [list(components), *(scaled(hypotheses, some, place)[0] for some in changed)]
 
 
 def _other_variants(
