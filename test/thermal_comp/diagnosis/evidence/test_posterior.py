@@ -217,6 +217,8 @@ def test_twins_whose_courses_are_the_same_to_some_per_cent_are_both_said() -> No
     by_name = {e.names: e.probability for e in said.explanations}
     assert min(by_name['temperature_rate',], by_name['thermal_gradient',]) > 0.05
     assert by_name['temperature_rate',] + by_name['thermal_gradient',] > 0.9
+    # A gradient has two choices of a thermometer, and one of them would show it worse.
+    assert by_name['temperature_rate',] > 1.8 * by_name['thermal_gradient',]
 
 
 def test_a_channel_that_is_read_with_noise_still_names_its_effect() -> None:
