@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differences to thermometers that were logged, and what a die tells of one that was not."""
+"""Differences to thermometers that were logged, and to a board estimated from the die."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def outside(time: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(('settling', 'heating_time'), [(20.0, 150.0), (600.0, 90.0)])
-def test_the_die_tells_the_difference_to_surroundings_that_heat_it(
+def test_the_difference_to_surroundings_that_heat_a_die_is_estimated_from_it(
     settling: float, heating_time: float
 ) -> None:
     time = np.arange(0.0, 4000.0, 1.0)
@@ -44,25 +44,25 @@ def test_the_die_tells_the_difference_to_surroundings_that_heat_it(
     still = np.zeros((len(time), 3))
     conditions = Conditions(time, die, still, still, still)
     difference = outside(time) - die
-    told = ThermalGradient(ESTIMATED_FROM_DIE, settling, heating_time, 10.0)
-    found = told.columns_in_hindsight(conditions)[:, 0] - SELF_HEATING_K
+    estimated = ThermalGradient(ESTIMATED_FROM_DIE, settling, heating_time, 10.0)
+    found = estimated.columns_in_hindsight(conditions)[:, 0] - SELF_HEATING_K
     np.testing.assert_allclose(found, difference, atol=0.03)
     guessed = GuessedGradient(settling, heating_time)
     np.testing.assert_array_equal(
-        guessed.columns_in_hindsight(conditions), told.columns_in_hindsight(conditions)
+        guessed.columns_in_hindsight(conditions), estimated.columns_in_hindsight(conditions)
     )
-    live = told.columns(conditions)[0][:, 0] - SELF_HEATING_K
+    live = estimated.columns(conditions)[0][:, 0] - SELF_HEATING_K
     settled = (time % 1800.0 > 100.0) & ((time < 2700.0) | (time > 2800.0))  # its filter
     np.testing.assert_allclose(live[settled], difference[settled], atol=5e-4 * settling + 0.03)
 
 
 def test_a_measured_difference_has_no_time_constants() -> None:
-    measured, told = ThermalGradient(1.0), ThermalGradient(ESTIMATED_FROM_DIE)
+    measured, estimated = ThermalGradient(1.0), ThermalGradient(ESTIMATED_FROM_DIE)
     assert measured.shape_parameters == {'outside': 1.0}
     assert (measured.free_shapes, measured.needs) == (0, ('device_temperature',))
-    assert [p.name for p in told.free_parameters] == ['settling', 'heating_time']
-    assert (told.free_shapes, told.needs) == (2, ())
-    assert measured.variant != told.variant == replace(told, settling=9.0).variant
+    assert [p.name for p in estimated.free_parameters] == ['settling', 'heating_time']
+    assert (estimated.free_shapes, estimated.needs) == (2, ())
+    assert measured.variant != estimated.variant == replace(estimated, settling=9.0).variant
     assert measured.live_forms() == (measured,)
     # A file may hold any number between the bounds: the nearest form is meant.
     assert (ThermalGradient(2.4).needs, ThermalGradient(2.7).needs) == (
@@ -73,13 +73,13 @@ def test_a_measured_difference_has_no_time_constants() -> None:
         len(example_conditions()),
         1,
     )
-    assert {form.smoothing for form in told.live_forms()} == {*SMOOTHINGS_S}
+    assert {form.smoothing for form in estimated.live_forms()} == {*SMOOTHINGS_S}
 
 
-def test_what_the_die_tells_does_not_depend_on_where_a_stream_is_cut() -> None:
-    told, conditions = ThermalGradient(ESTIMATED_FROM_DIE), example_conditions()
-    cut = columns_in_pieces(told, conditions, CUT_ROWS[0])
-    np.testing.assert_allclose(cut, told.columns(conditions)[0], atol=1e-9)
+def test_the_estimate_does_not_depend_on_where_a_stream_is_cut() -> None:
+    estimated, conditions = ThermalGradient(ESTIMATED_FROM_DIE), example_conditions()
+    cut = columns_in_pieces(estimated, conditions, CUT_ROWS[0])
+    np.testing.assert_allclose(cut, estimated.columns(conditions)[0], atol=1e-9)
 
 
 def test_the_guess_is_no_effect_that_a_model_can_hold() -> None:

@@ -145,7 +145,8 @@ def _as_twins(
 
     The twin stands in place of the effect or beside it. A rate and a gradient differ by where a
     thermometer sits, and their columns are right to a few per cent: what one explains better than
-    the other by no more than that does not decide between them. Variants are equally likely.
+    the other by no more than that does not decide between them. Each variant of the effect, as a
+    gradient to another thermometer, has an equal share of the odds.
     """
     named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
     found: list[list[Remainder]] = []
@@ -172,7 +173,10 @@ def _as_twins(
 def _log_odds_of_twin(
     hypotheses: SensorHypotheses, components: Sequence[Component], better: EffectSet
 ) -> float:
-    """Return ln of the odds that flaws make up for what a set with a twin explains better."""
+    """Return ln of the odds that flaws make up for what a set with a twin explains better.
+
+    −∞ where it explains no more: then no flaw is needed, and their evidence decides.
+    """
     own = hypotheses.explained(components, better.components)
     if better.explained <= own:
         return -np.inf
