@@ -73,6 +73,7 @@ def test_two_lags_in_place_of_a_memory_have_standard_deviations() -> None:
         assert 0.0 < parameter['std'] < 7200.0
 
 
+@pytest.mark.long
 def test_humidity_that_tells_the_air_is_no_effect_of_humidity() -> None:
     # A thermometer missed what the air of a room did between two bursts; its humidity did not.
     campaign = draw_campaign(3443, 'bursts')
@@ -82,6 +83,7 @@ def test_humidity_that_tells_the_air_is_no_effect_of_humidity() -> None:
     assert found[0]['probability'] > 0.9
 
 
+@pytest.mark.long
 def test_noise_that_is_far_too_loud_may_have_a_cause() -> None:
     # A supply that jumps between bursts, 38 × the noise, is as likely as noise of that size.
     campaign = draw_campaign(3113, 'bursts')

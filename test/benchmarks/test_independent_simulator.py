@@ -115,6 +115,7 @@ def test_a_step_that_fast_noise_was_taken_for_is_named():
     assert [f.name for f in found if f.sensor == 'accelerometer'] == ['bias_step']
 
 
+@pytest.mark.long
 def test_a_scale_factor_in_two_poses_is_not_excluded_by_a_tilt_of_the_device():
     """Two poses hardly tell it from misalignment, and nobody states a tilt of half a degree."""
     drawn = draw_campaign(3370, 'no_chamber_channels')

@@ -282,6 +282,7 @@ def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     assert server.alive
 
 
+@pytest.mark.long
 def test_an_effect_file_is_kept_in_the_case_and_asked_for_where_it_was_never_given(
     serve, watch, small_bags, tmp_path
 ):

@@ -30,7 +30,7 @@ def test_every_effect_is_explained_with_all_it_has(name: str, answer: Answer) ->
 def test_every_finding_without_columns_is_explained_too(name: str, answer: Answer) -> None:
     code, content, text = answer('explain', name)
     assert code == 0
-    assert content['kind'] in {'effect', 'noise', 'data_quality'}
+    assert content['kind'] in {'clock', 'effect', 'noise', 'data_quality'}
     assert name not in EFFECTS
     for part in (content['seen'], content['separation'], content['remedy']):
         assert part in text

@@ -65,6 +65,7 @@ def test_a_law_beyond_the_catalogue_is_not_given_a_name(law: str, sensor: Sensor
     assert finding.depends_on in truth.depends_on
 
 
+@pytest.mark.long
 def test_heater_that_was_not_logged_is_suspected() -> None:
     hidden_effects = [EffectToHide('unlogged_heater', 3.0)]
     recordings, (truth,) = practice_campaign(hidden_effects, seed=14, mean_s=60.0)
@@ -99,6 +100,7 @@ def test_a_step_that_noise_was_fitted_to_is_named() -> None:
     assert finding.error_after < 1.1 * finding.noise_floor
 
 
+@pytest.mark.long
 def test_a_drift_beside_a_line_of_many_times_its_size_is_named() -> None:
     """Beside the line there is no slow noise; before it is found there seems to be much."""
     recordings = hidden_campaign(

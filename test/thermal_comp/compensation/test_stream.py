@@ -48,7 +48,7 @@ def test_stream_equals_recording_without_history(cuts: tuple[int, ...], tmp_path
     np.testing.assert_allclose(found, columns(compensate(recording, model)), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize('cuts', [(), (100, 400, 401)])
+@pytest.mark.parametrize('cuts', [pytest.param((), marks=pytest.mark.long), (100, 400, 401)])
 def test_stream_equals_recording_with_every_device_effect(
     cuts: tuple[int, ...], tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from thermal_comp.diagnosis.diagnose import diagnose
-from thermal_comp.diagnosis.result import VERDICTS
+from thermal_comp.presentation.diagnosis import VERDICTS
 
 from imu_recording import read_bag
 

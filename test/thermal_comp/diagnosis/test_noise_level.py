@@ -47,6 +47,7 @@ def above(white: float, flicker: float, duration: float = LONG_S, *, known: bool
     )
 
 
+@pytest.mark.long
 def test_single_samples_at_half_a_hertz_of_a_clean_device_are_complete() -> None:
     diagnosis = diagnose([read_bag(BAGS / f'dut1_{axis}') for axis in 'xyz'])
     assert diagnosis.verdict == 'complete'

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.candidates import Form
+from thermal_comp.diagnosis.evidence.candidates import Family, Form, alternatives
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.columns import per_axis
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign
@@ -24,17 +24,16 @@ def smallest_found(hypotheses: SensorHypotheses, needed: float) -> dict[str, flo
     effect of p coefficients that explains g = Δχ² beside base model and nuisances has, at the
     amplitude that fits best, about
 
-        2 ln K = g − p ln(1 + g / p) − 2 ln(forms · amplitudes)
+        2 ln K = g − p ln(1 + g / p) − 2 ln(alternatives · amplitudes)
 
-    (Laplace's approximation of its evidence). The answer is the median over its forms; one whose
-    column these runs do not excite beside the base model is left out.
+    (Laplace's approximation of its evidence; a form's prior is one over its alternatives). The
+    answer is the median over its forms; one whose column these runs do not excite beside the base
+    model is left out.
     """
     state = hypotheses.conditioned(())
     found = {}
     for family in hypotheses.families:
-        count = len(family.forms) * len(priors.AMPLITUDES)
-        enough = needed + 2.0 * float(np.log(count))
-        each = [_rms(hypotheses, state, form, enough) for form in family.forms]
+        each = [_rms(hypotheses, state, family, form, needed) for form in family.forms]
         known = [rms for rms in each if np.isfinite(rms)]
         if known:
             found[family.name] = float(np.median(known))
@@ -42,7 +41,11 @@ def smallest_found(hypotheses: SensorHypotheses, needed: float) -> dict[str, flo
 
 
 def _rms(
-    hypotheses: SensorHypotheses, state: ConditionedDesign, form: Form, needed: float
+    hypotheses: SensorHypotheses,
+    state: ConditionedDesign,
+    family: Family,
+    form: Form,
+    needed: float,
 ) -> float:
     """Return the rms of a form's first column where its coefficients explain enough."""
     term = form.terms[0]
@@ -54,7 +57,9 @@ def _rms(
     if left < LEAST_EXCITED_SHARE or size <= 0.0:
         return np.inf
     coefficients = sum(len(t.columns) for t in form.terms) * (1 if term.shared else 3)
-    explained = float(np.sqrt(_needed_delta_chi2(needed, coefficients)))
+    count = alternatives(design, family, form) * len(priors.AMPLITUDES)
+    enough = needed + 2.0 * float(np.log(count))
+    explained = float(np.sqrt(_needed_delta_chi2(enough, coefficients)))
     return explained / size * _size_of(hypotheses, form)
 
 

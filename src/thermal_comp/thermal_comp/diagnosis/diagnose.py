@@ -103,8 +103,8 @@ def diagnose_prepared(
     check_temperature(runs)
     sensors, notes = usable_sensors(runs)
     refined = _refined(model, sensors, runs)
-    noise, short = determined_noise(runs, _base(refined, sensors))
-    base: Listed = _base(refined, noise)
+    noise, short = determined_noise(runs, base_effects(refined, sensors))
+    base: Listed = base_effects(refined, noise)
     answers = search_sensors(runs, base, noise, settings)
     noise = noise_beside(runs, named_beside(base, answers), noise)
     fitted = fit_prepared(base, runs, noise=noise, refine=False)
@@ -142,11 +142,7 @@ def _refined(
     hashes = {run.hash for run in runs}
     if model is None or set(model.provenance.sources.values()) >= hashes:
         return model
-    return fit_prepared(_base(model, sensors), runs)
-
-
-def _base(model: ThermalModel | None, sensors: Iterable[Sensor]) -> Listed:
-    return {sensor: base_effects(model, sensor) for sensor in sensors}
+    return fit_prepared(base_effects(model, sensors), runs)
 
 
 def _changed(
@@ -178,11 +174,10 @@ def _credible_explanations(answers: Mapping[Sensor, SensorAnswer]) -> tuple[Name
     )
 
 
-def base_effects(model: ThermalModel | None, sensor: Sensor) -> tuple[Effect, ...]:
-    """Return the effects of the model that is diagnosed; the line per axis without one."""
-    if model is None or sensor not in model.sensors:
-        return (BiasTemperature(),)
-    return model.sensors[sensor].effects
+def base_effects(model: ThermalModel | None, sensors: Iterable[Sensor]) -> Listed:
+    """Return by sensor the effects of the model that is diagnosed; without one a line per axis."""
+    known = model.sensors if model else {}
+    return {s: known[s].effects if s in known else (BiasTemperature(),) for s in sensors}
 
 
 def _explained(

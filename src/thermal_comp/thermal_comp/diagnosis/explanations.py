@@ -14,7 +14,7 @@ class FindingExplanation:
     name: str
     summary: str
     kind: str
-    """'effect', 'noise' or 'data_quality', as in the findings of a diagnosis."""
+    """As in the findings of a diagnosis."""
     seen: str
     """What in the recordings speaks for it."""
     mechanism: str
@@ -44,7 +44,7 @@ _LISTED = (
     FindingExplanation(
         'clock_temperature',
         'The sampling interval changes with temperature.',
-        'effect',
+        'clock',
         'the interval between stamps, means over windows, against the die temperature [1/K]',
         'The RC oscillator that paces the output has a temperature coefficient, 10–100 ppm/K.',
         'No trace in static means; it turns integrated angles and moves aliased lines.',

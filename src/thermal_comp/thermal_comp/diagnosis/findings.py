@@ -251,7 +251,7 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return what changed first, then what sensors lack, the clock, the noise."""
+    """Return what changed first, then defects and what sensors lack, then clock and noise."""
     return tuple(sorted(findings, key=_sort_key))
 
 

@@ -246,7 +246,7 @@ def _noise_of(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[S
 
 
 def _base(runs: Sequence[PreparedRun], model: ThermalModel | None) -> Listed:
-    return {sensor: base_effects(model, sensor) for sensor in usable_sensors(runs)[0]}
+    return base_effects(model, usable_sensors(runs)[0])
 
 
 def _forms_by_sensor(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says: a verdict, findings strongest first, and each sensor's state."""
+"""What a diagnosis says: a verdict, findings in the order to act on, and each sensor's state."""
 
 from __future__ import annotations
 
@@ -12,16 +12,6 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.presentation.notebook import Presented
 
 SCHEMA = 2
-VERDICTS = (
-    'complete',
-    'changed',
-    'missing',
-    'ambiguous',
-    'unexplained',
-    'unlogged',
-    'noise_above_reference',
-    'data_quality',
-)
 
 
 @dataclass(frozen=True)

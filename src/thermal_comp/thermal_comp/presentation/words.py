@@ -34,7 +34,7 @@ VERDICT_SENTENCES: Mapping[str, str] = {
     'logarithm of the likelihood ratio, less a charge for its parameters. Above its threshold '
     '(`threshold`) an effect is named; 10 is strong, and it grows in proportion to the length of '
     'the recording and to the square of the effect, so that values of thousands are common.',
-    'threshold': 'Evidence from which one effect, known in form, is believed with 80 %.',
+    'threshold': 'Evidence from which one effect, known in form, is believed with 85 %.',
     'probability': 'How much an explanation is believed once the data are seen: those of one '
     'sensor add up to 1. Of an effect: of all explanations it has a part in.',
     'explanations': 'What may explain the residual of a sensor: sets of effects, nothing, an '
@@ -88,7 +88,7 @@ VERDICT_SENTENCES: Mapping[str, str] = {
     'untestable_here': 'Of a claim of the paper: these runs cannot show it (one device, one pose, '
     'no reference attitude …).',
     'untestable': 'See `untestable_here`.',
-    'block': 'Mean over 20 s, in runs shorter than two hours over less, so that there are 400 of '
+    'block': 'Mean over 20 s, in runs shorter than 2¼ h over less, so that there are 400 of '
     'them; errors are quoted on these.',
     'cycle': 'One way of the temperature up and down; cycles are held out one at a time.',
     'precondition': 'Phase: still at the reference temperature before the first cycle.',

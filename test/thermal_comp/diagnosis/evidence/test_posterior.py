@@ -157,6 +157,7 @@ def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
     assert probability(logged.explanations, lambda e: e.names == ('unlogged',)) < 0.05
 
 
+@pytest.mark.long
 def test_humidity_that_was_not_logged_is_said_to_be_lacking() -> None:
     """Closed air of dew point 5 °C, taken up in 40 minutes: its log would have told."""
     time, temperature, *_ = chamber()
@@ -174,7 +175,7 @@ def test_humidity_that_was_not_logged_is_said_to_be_lacking() -> None:
     assert logged.kind == 'named'
 
 
-@pytest.mark.parametrize('settling', [0.0, 60.0])
+@pytest.mark.parametrize('settling', [0.0, pytest.param(60.0, marks=pytest.mark.long)])
 def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> None:
     """And so may steps that are none in truth: what is switched settles."""
     time = chamber()[0]
@@ -185,6 +186,7 @@ def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> No
     assert said.kind == 'unlogged'
 
 
+@pytest.mark.long
 def test_an_effect_beside_a_supply_that_was_not_logged_keeps_its_name() -> None:
     time, temperature, *_ = chamber()
     switched = 6e-4 * ((time > 14_000.0) & (time < 29_000.0))

@@ -15,6 +15,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.acting_channels import channel_label
 from thermal_comp.data.conditions import Sensor, logged_channels
 from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.spectral_lines import frequencies_told_apart
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.effects.operators import rise
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -73,10 +74,6 @@ class Family:
             found.setdefault(form.effect.variant, []).append(form)
         return found
 
-    def alternatives(self, variant: tuple[float, ...]) -> int:
-        """Return one over the prior of a form: variants are equally likely, and forms of each."""
-        return len(self.variants) * len(self.variants[variant])
-
     @cached_property
     def alike(self) -> list[list[Form]]:
         """The forms in groups of one variant and as many columns."""
@@ -85,6 +82,16 @@ class Family:
             for form in forms:
                 groups.setdefault((variant, len(form.columns)), []).append(form)
         return [*groups.values()]
+
+
+def alternatives(design: CandidateDesign, family: Family, form: Form) -> int:
+    """Return one over the prior of a form: variants are equally likely, and forms of each.
+
+    Of a spectral line that of its frequency, wherever lines stand out.
+    """
+    if form.effect.line_frequency is not None:
+        return frequencies_told_apart(design.source.runs)
+    return len(family.variants) * len(family.variants[form.effect.variant])
 
 
 def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A course over time that the axes of a sensor share, run by run: evidence that there is one."""
+"""A course over time that the runs repeat from their start: evidence that there is one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -16,43 +15,26 @@ HALF_WAVES = 48
 """Number of half waves over a run that are compared."""
 HALF_WAVE_COUNTS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
-RUNS_IN_STEP_EVIDENCE = 8.0
-"""Evidence from which the runs share the course, so that time is its variable."""
 
 
-@dataclass(frozen=True)
-class Coherence:
-    """Evidence for a common mode: 2 ln of the Bayes factor, about −5 for noise alone."""
+def runs_in_step(design: CandidateDesign, found: Sequence[ColumnGroup] = ()) -> float:
+    """Return the evidence for a course over time that runs share in what effects found leave.
 
-    axes: float
-    """That the axes share it."""
-    runs: float
-    """That the runs share it too, at the same time since their beginning."""
-
-    @property
-    def evidence(self) -> float:
-        """Both together."""
-        return self.axes + max(self.runs, 0.0)
-
-
-def coherence(design: CandidateDesign, found: Sequence[ColumnGroup] = ()) -> Coherence:
-    """Return the evidence for a course common to the axes in what the effects found so far leave.
-
-    A course over time hides in a noise model that is rich enough to follow it, but noise is
-    independent between axes and between runs. The slow half waves of each run, whitened and made
-    orthogonal, are compared: −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R
-    (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
-    test of independence). The strongest of HALF_WAVE_COUNTS counts.
+    2 ln of the Bayes factor. A course over time hides in a noise model
+    that is rich enough to follow it, but noise is independent between runs. The slow half waves
+    of each run, whitened and made orthogonal, are compared:
+    −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R (p, p) correlates n waves of
+    p runs along the direction that their axes have in common (Bartlett's test of independence).
+    The strongest of HALF_WAVE_COUNTS counts.
     """
     waves = _waves(design, found)
-    axes = runs = -np.inf
+    evidence = -np.inf
     for span in HALF_WAVE_COUNTS:
         part = waves[:, :, :span]
         rows = part.reshape(len(part), -1)
-        axes = max(axes, _shared_evidence(rows))
         direction = np.linalg.eigh(rows @ rows.T)[1][:, -1]
-        runs = max(runs, _shared_evidence(np.einsum('a,ark->rk', direction, part)))
-    return Coherence(float(axes), float(runs))
+        evidence = max(evidence, _shared_evidence(np.einsum('a,ark->rk', direction, part)))
+    return float(evidence)
 
 
 def _waves(design: CandidateDesign, found: Sequence[ColumnGroup]) -> FloatArray:

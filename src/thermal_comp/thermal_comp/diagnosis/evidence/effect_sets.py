@@ -25,7 +25,7 @@ class Component:
     amplitude: float
     """Prior standard deviation of its largest coefficient [√Δχ²]."""
     forms: int
-    """One over the prior of its form, as if all forms of its family were as likely."""
+    """One over the prior of its form."""
 
     @property
     def name(self) -> str:

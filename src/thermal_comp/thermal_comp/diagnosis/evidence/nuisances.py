@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every hypothesis allows for: slow noise beyond the fitted one, thermometer errors."""
+"""What every hypothesis allows for: slow noise beyond the fitted one, errors of thermometers.
+
+And what rounding of the sensor's own counts and readings that were held leave.
+"""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from thermal_comp.diagnosis.evidence.common_mode import coherence
+from thermal_comp.diagnosis.evidence.common_mode import runs_in_step
 from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
@@ -36,9 +36,10 @@ from thermal_comp.linear.gaussian_evidence import log_sum
 CREDIBLE_PROBABILITY = 0.95
 """Probability that the reported set of explanations holds together."""
 MOST_LOG_ODDS_BEHIND = 9.0
-"""ln of the odds against the best set beyond which no flaw makes a set likely."""
+"""ln of the odds against the best set, beyond what a flaw of that explains, from which a set is
+weighed as if its equations were right."""
 MOST_SETS = 4
-"""Sets whose equations are given a flaw."""
+"""Sets whose equations are given a flaw, beside those that are a part of them."""
 LEAST_FOLLOWED_LOG_WEIGHT = -1.0
 """ln of the weight beside a set from which the variable of an unnamed cause is reported."""
 APPROXIMATE_PROBABILITY = 0.75
@@ -58,8 +59,6 @@ class Explanation:
     components: tuple[Component, ...]
     depends_on: str | None = None
     """What the unknown part follows, or which channel is missing."""
-    explained: float = 0.0
-    """Δχ²."""
     unseen: str = ''
     """The one of its effects that is too small to be seen beside the others; '' for none."""
 
@@ -197,7 +196,6 @@ def _named(some: EffectSet, rest: Sequence[Remainder], total: float) -> Explanat
         approximate=approximate,
         components=some.components,
         depends_on=None,
-        explained=some.explained,
     )
 
 
@@ -256,7 +254,6 @@ def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, Remainder
         approximate=False,
         components=logged,
         depends_on=strongest.depends_on,
-        explained=some.explained,
     )
 
 
@@ -280,7 +277,7 @@ def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     """
     terms = [term for c in some.components for term in c.form.terms]
     terms.append(hypotheses.thermometer)
-    return 0.5 * coherence(hypotheses.design, terms).runs
+    return 0.5 * runs_in_step(hypotheses.design, terms)
 
 
 def credible(found: Sequence[Explanation]) -> list[Explanation]:

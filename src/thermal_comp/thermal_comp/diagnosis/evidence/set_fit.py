@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.candidates import Form, form_of, moved_forms
+from thermal_comp.diagnosis.evidence.candidates import Form, alternatives, form_of, moved_forms
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
@@ -90,8 +90,9 @@ def _other_variants(
     for variant, forms in family.variants.items():
         if variant != effect.variant:
             evidence = evidence_of_forms(state, forms)
-            best = int(np.argmax(np.logaddexp.reduce(evidence, axis=1)))
-            found.append(replace(one, form=forms[best], forms=family.alternatives(variant)))
+            best = forms[int(np.argmax(np.logaddexp.reduce(evidence, axis=1)))]
+            count = alternatives(hypotheses.design, family, best)
+            found.append(replace(one, form=best, forms=count))
     return found
 
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.spectral_lines import frequencies_told_apart
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.candidates import Family, Form, renewed
+from thermal_comp.diagnosis.evidence.candidates import Family, alternatives, renewed
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet, Names
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.set_fit import evidence_of_forms, fitted_set
@@ -26,12 +25,14 @@ TRIED_ADDITIONS = 4
 LEAST_LOG_EVIDENCE_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
 PROMISING_SHARE = 0.3
-"""Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
+"""Share of the best addition's gain from which another is fitted: shapes of a grid are coarse …"""
+LOG_EVIDENCE_LEEWAY = 15.0
+"""… and so are all but the large gains."""
 
 
 @dataclass(frozen=True)
 class Addition:
-    """What a family or a generic regressor would add to a set."""
+    """What a family would add to a set."""
 
     log_gain: float
     """ln of the evidence it adds, shapes and amplitude integrated."""
@@ -103,7 +104,7 @@ def _extended(
             if names in larger or names in known:
                 continue
             promising = addition.peak > max(
-                LEAST_LOG_EVIDENCE_GAIN, PROMISING_SHARE * leader - 15.0
+                LEAST_LOG_EVIDENCE_GAIN, PROMISING_SHARE * leader - LOG_EVIDENCE_LEEWAY
             )
             most = TRIED_ADDITIONS if before.components else 2 * TRIED_ADDITIONS
             if promising and place < most:
@@ -161,7 +162,7 @@ def _addition(
     integrals: list[float] = []
     best: tuple[float, Component] | None = None
     for forms in family.alike:
-        count = _form_count(hypotheses, family, forms[0])
+        count = alternatives(hypotheses.design, family, forms[0])
         weighted = evidence_of_forms(state, forms) + amplitude_prior - before
         each = np.logaddexp.reduce(weighted, axis=1)
         integrals += (each - np.log(count)).tolist()
@@ -172,13 +173,6 @@ def _addition(
             best = float(each[k]), component
     assert best is not None  # noqa: S101 (no family is empty)
     return Addition(log_sum(integrals), *best)
-
-
-def _form_count(hypotheses: SensorHypotheses, family: Family, form: Form) -> int:
-    """Return one over the prior of a form: of a spectral line, that of its frequency."""
-    if form.effect.line_frequency is None:
-        return family.alternatives(form.effect.variant)
-    return frequencies_told_apart(hypotheses.design.source.runs)
 
 
 def best_single(hypotheses: SensorHypotheses, family: Family) -> EffectSet:
