@@ -16,280 +16,42 @@ os.environ.setdefault('OMP_NUM_THREADS', '1')
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import argparse
-import contextlib
-import io
 import json
 import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import SENSOR_FIELDS, SENSOR_UNITS, FloatArray
-from imu_recording.tables.csv_import import import_csv
-from imu_workbench.__main__ import main as workbench
-from numpy.typing import NDArray
-from pysindy.feature_library import PolynomialLibrary
-from pysindy.optimizers import STLSQ
-from sklearn.ensemble import HistGradientBoostingRegressor
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-from thermal_comp.effects.operators import follow
-from thermal_comp.model.values import ModelError, ThermalModel
+from imu_recording.recording import SENSOR_UNITS, FloatArray
+from thermal_comp.model.values import ThermalModel
+from thermal_real_cases import (
+    LAGS_S,
+    MEAN_S,
+    ROOT,
+    Case,
+    Fold,
+    Mask,
+    features,
+    fold_of,
+    given_case,
+    public_cases,
+    values_of,
+    within_range,
+)
+from thermal_real_methods import OURS, PEERS, Predictor, numbers_stored, training_recording
 
 import thermal_comp as tc
-from imu_recording import ImuRecording, read_bag, write_bag
+from imu_recording import ImuRecording
 
-ROOT = Path(__file__).resolve().parents[1]
-MEAN_S = 20.0
-"""What is judged are means over this time [s]."""
-RATE_S = 30.0
-"""Time constant of the rate that peers see [s]."""
-LAGS_S = (60.0, 300.0, 1200.0)
-"""Time constants of the lagged temperatures that peers see [s]."""
-BLOCKS = 5
-"""Parts of a recording that are held out in turn where no split is given."""
-GP_ROWS = 700
-"""Most rows a Gaussian process is fitted to: its time grows with their cube."""
-THRESHOLDS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
-"""Coefficients of standardised features that SINDy may leave out below; by cross-validation."""
-MOST_STEPS = 6
-"""Effects added by name before it stops, as `auto` does."""
-HAND_MADE = ('bias_temperature', 'bias_temperature_curvature', 'thermal_lag_two_stage')
 CLEAR = 1.05
 """A ratio of held-out errors above this is a difference worth a word."""
 BLACK_BOXES = ('Gaussian process', 'gradient boosting', 'SINDy')
 SHOWN = {'rad/s': ('m°/s', 1e3 * 180 / np.pi), 'm/s²': ('mg', 1e3 / 9.80665), 'T': ('µT', 1e6)}
 """Unit and factor of the printed errors."""
-
-Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A recording and the parts of it that are held out, each by a fit to the rest."""
-
-    name: str
-    recording: ImuRecording
-    held_out: tuple[slice, ...]
-
-    def sensors(self) -> list[str]:
-        """Return the sensors with at least one measured value."""
-        return [s for s in SENSOR_FIELDS if np.isfinite(values_of(self.recording, s)).any()]
-
-
-@dataclass(frozen=True, eq=False)
-class Fold:
-    """One fit: what it sees and what it is judged on."""
-
-    recording: ImuRecording
-    train: Mask
-    blocks: NDArray[np.int64]
-    """(m, 2) first row of each block of MEAN_S and the first one after it."""
-    seen: Mask
-    """(m,) blocks the fit sees; the others are judged."""
-
-    def means(self, values: FloatArray) -> FloatArray:
-        """Return the (m, …) block means of (n, …) rows."""
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore', RuntimeWarning)  # a block without any value is NaN
-            return np.array([np.nanmean(values[a:b], axis=0) for a, b in self.blocks])
-
-
-def values_of(recording: ImuRecording, sensor: str) -> FloatArray:
-    """Return the (n, 3) measured values of a sensor."""
-    values: FloatArray = getattr(recording, SENSOR_FIELDS[sensor])
-    return values
-
-
-def fold_of(recording: ImuRecording, held_out: slice) -> Fold:
-    """Return the fit to all rows but the held-out ones; no block reaches over a border."""
-    n = len(recording)
-    train = np.ones(n, dtype=bool)
-    train[held_out] = False
-    rows = max(round(MEAN_S / (float(recording.time[-1]) / (n - 1))), 1)
-    borders = [0, *(np.flatnonzero(np.diff(train.astype(int))) + 1).tolist(), n]
-    starts = [k for a, b in pairwise(borders) for k in range(a, b - rows + 1, rows)]
-    blocks = np.array([(k, k + rows) for k in starts], dtype=np.int64)
-    return Fold(recording, train, blocks, train[blocks[:, 0]])
-
-
-def features(fold: Fold) -> FloatArray:
-    """Return (m, 5) block means of temperature, rate and lagged minus present temperatures."""
-    seconds, temperature = fold.recording.time, fold.recording.temperature
-    held = np.interp(np.arange(len(temperature)), *_finite(temperature))
-    lagged = [follow(seconds, held, lag)[0] - held for lag in (RATE_S, *LAGS_S)]
-    return fold.means(np.column_stack([held, -lagged[0] / RATE_S, *lagged[1:]]))
-
-
-def _finite(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    known = np.flatnonzero(np.isfinite(values))
-    return known, values[known]
-
-
-Predictor = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, int]]
-"""(features seen, error of one axis seen, all features) → prediction of all blocks, numbers."""
-
-
-def linear(design: Callable[[FloatArray], FloatArray]) -> Predictor:
-    """Return the least-squares fit of a design and a level."""
-
-    def predict(seen: FloatArray, error: FloatArray, every: FloatArray) -> tuple[FloatArray, int]:
-        columns = np.column_stack([np.ones(len(seen)), design(seen)])
-        found = np.linalg.lstsq(columns, error, rcond=None)[0]
-        return np.column_stack([np.ones(len(every)), design(every)]) @ found, len(found)
-
-    return predict
-
-
-def _cubic(features: FloatArray) -> FloatArray:
-    scaled = features[:, 0] / 50.0
-    return np.column_stack([scaled, scaled**2, scaled**3])
-
-
-LINE = linear(lambda features: features[:, :1])
-
-
-def standardised(seen: FloatArray, every: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return both with mean 0 and deviation 1 over what the fit sees."""
-    mean, spread = seen.mean(axis=0), np.maximum(seen.std(axis=0), 1e-9)
-    return (seen - mean) / spread, (every - mean) / spread
-
-
-def beside_line(fit: Callable[[FloatArray, FloatArray], Any], size: Callable[[Any], int]) -> Any:
-    """Return the predictor that fits what a line leaves with a scikit-learn regressor."""
-
-    def predict(seen: FloatArray, error: FloatArray, every: FloatArray) -> tuple[FloatArray, int]:
-        line = LINE(seen, error, seen)[0]
-        scale = float((error - line).std()) or 1.0
-        inside, outside = standardised(seen, every)
-        fitted = fit(inside, (error - line) / scale)
-        return LINE(seen, error, every)[0] + scale * fitted.predict(outside), 2 + size(fitted)
-
-    return predict
-
-
-def _gaussian_process(inside: FloatArray, error: FloatArray) -> GaussianProcessRegressor:
-    kernel = ConstantKernel(1.0, (1e-4, 1e4)) * RBF(
-        np.ones(inside.shape[1]), (1e-1, 1e3)
-    ) + WhiteKernel(0.1, (1e-6, 1e2))
-    thinned = slice(None, None, -(-len(inside) // GP_ROWS))
-    return GaussianProcessRegressor(kernel).fit(inside[thinned], error[thinned])
-
-
-def _boosted(inside: FloatArray, error: FloatArray) -> HistGradientBoostingRegressor:
-    return HistGradientBoostingRegressor(random_state=1).fit(inside, error)
-
-
-def sindy(seen: FloatArray, error: FloatArray, every: FloatArray) -> tuple[FloatArray, int]:
-    """Return the sparse polynomial of degree 3 in all features (Brunton et al. 2016).
-
-    The threshold is that with the least error over five contiguous parts of what is seen.
-    """
-    inside, outside = standardised(seen, every)
-    library = PolynomialLibrary(degree=3).fit(inside)
-    columns = np.asarray(library.transform(inside))
-    mean, scale = float(error.mean()), float(error.std()) or 1.0
-    wanted = (error - mean) / scale
-    parts = np.arange(len(wanted)) * BLOCKS // len(wanted)
-
-    def sparse(rows: Mask, threshold: float) -> FloatArray:
-        found = STLSQ(threshold=threshold, alpha=0.05).fit(columns[rows], wanted[rows, None])
-        coefficients: FloatArray = found.coef_[0]
-        return coefficients
-
-    def missed(threshold: float) -> float:
-        return sum(
-            float(np.sum((wanted[held] - columns[held] @ sparse(~held, threshold)) ** 2))
-            for held in (parts == k for k in range(BLOCKS))
-        )
-
-    chosen = sparse(parts >= 0, min(THRESHOLDS, key=missed))
-    predicted = mean + scale * (np.asarray(library.transform(outside)) @ chosen)
-    return predicted, 1 + int(np.count_nonzero(chosen))
-
-
-PEERS: dict[str, Predictor] = {
-    'raw': lambda _, error, every: (np.full(len(every), error.mean()), 0),
-    'line': LINE,
-    'cubic (PX4, ArduPilot)': linear(_cubic),
-    'cubic + rate': linear(lambda f: np.column_stack([_cubic(f), 60.0 * f[:, 1]])),
-    'Gaussian process': beside_line(
-        _gaussian_process, lambda fitted: fitted.X_train_.size * 6 // 5
-    ),
-    'gradient boosting': beside_line(
-        _boosted, lambda fitted: 2 * sum(len(t[0].nodes) for t in fitted._predictors)
-    ),
-    'SINDy': sindy,
-}
-
-
-def training_recording(fold: Fold) -> ImuRecording:
-    """Return what a fit may see: rows around a held-out part keep their temperature alone."""
-    kept = np.flatnonzero(fold.train)
-    first, last = int(kept[0]), int(kept[-1]) + 1
-    part = fold.recording.rows(slice(first, last))
-    hidden = ~fold.train[first:last]
-    if not hidden.any():
-        return part
-    blank: dict[str, Any] = {
-        field: np.where(hidden[:, None], np.nan, getattr(part, field))
-        for field in SENSOR_FIELDS.values()
-    }
-    return replace(part, **blank)
-
-
-def fit_named(recording: ImuRecording) -> ThermalModel:
-    """Return the model with every effect that a diagnosis names, one after the other."""
-    model = None
-    for _ in range(MOST_STEPS):
-        found = tc.diagnose([recording], model)
-        try:
-            model = tc.add([recording], found, model).model
-        except ModelError:  # it names nothing that could be added
-            break
-    return model or tc.fit([recording])
-
-
-def fit_predictive(recording: ImuRecording) -> ThermalModel:
-    """Return the model that the verb `auto` ends with."""
-    with tempfile.TemporaryDirectory() as folder:
-        bag, target = Path(folder, 'bag'), Path(folder, 'model.yaml')
-        write_bag(recording, bag)
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            code = workbench(['auto', str(bag), '-o', str(target)])
-        if code:
-            raise RuntimeError(f'auto ended with exit code {code}: {said.getvalue()[-500:]}')
-        return tc.load(target)
-
-
-def fit_by_hand(recording: ImuRecording) -> ThermalModel:
-    """Return the model that a person would try first: curvature and a two-stage lag."""
-    return tc.fit([recording], HAND_MADE)
-
-
-OURS = {
-    'ours, by hand': fit_by_hand,
-    'ours, named': fit_named,
-    'ours, predictive': fit_predictive,
-}
-
-
-def numbers_stored(model: ThermalModel, sensor: str) -> int:
-    """Return how many numbers predict one axis: coefficients, shape parameters, the level."""
-    known = model.sensors[sensor]
-    shapes = sum(
-        int(np.size(getattr(effect, item.name)))
-        for effect in known.effects
-        for item in fields(effect)
-    )
-    return 1 + shapes + sum(len(coefficients) for coefficients in known.coefficients)
 
 
 def residual_of_model(fold: Fold, model: ThermalModel, sensor: str) -> FloatArray:
@@ -315,17 +77,6 @@ class Result:
         """(3,) over all held-out blocks or some [unit]."""
         rms: FloatArray = np.sqrt(np.nanmean(self.residual[sensor][rows] ** 2, axis=0))
         return rms
-
-
-def within_range(case: Case) -> Mask:
-    """Return the held-out blocks whose mean temperature the fit has seen."""
-    parts = []
-    for fold in (fold_of(case.recording, part) for part in case.held_out):
-        temperature = fold.means(fold.recording.temperature)
-        seen = temperature[fold.seen]
-        held = temperature[~fold.seen]
-        parts.append((held >= np.nanmin(seen)) & (held <= np.nanmax(seen)))
-    return np.concatenate(parts)
 
 
 def run_case(case: Case) -> list[Result]:
@@ -457,49 +208,6 @@ def better_black_boxes(case: Case, results: Sequence[Result]) -> list[str]:
                     f'explains {share:.0%} of what ours leaves'
                 )
     return lines
-
-
-def in_blocks(name: str, recording: ImuRecording) -> Case:
-    """Return the case that holds out contiguous parts of a recording in turn."""
-    edges = np.linspace(0, len(recording), BLOCKS + 1).astype(int).tolist()
-    parts = tuple(slice(a, b) for a, b in pairwise(edges))
-    return Case(f'{name}, {BLOCKS} blocks in turn', recording, parts)
-
-
-def public_cases(data: Path) -> list[Case]:
-    """Return the cases of the public recordings that lie in a folder."""
-    cases = []
-    drone = data / 'tofupilot_chamber' / 'imu_raw_data.csv'
-    if drone.is_file():
-        read = import_csv(drone, ROOT / 'examples' / 'tofupilot_mapping.yaml')
-        cold, hot = int(read.temperature.argmin()), int(read.temperature.argmax())
-        cases += [
-            Case('tofupilot, last cooling (rows 6800 …)', read, (slice(6800, len(read)),)),
-            Case(f'tofupilot, first cooling (rows 0 … {cold})', read, (slice(0, cold),)),
-            Case(f'tofupilot, heating (rows {cold} … {hot})', read, (slice(cold, hot),)),
-            in_blocks('tofupilot', read),
-        ]
-    board = data / 'freeimu_freezer' / 'Tempdata01-02-14.csv'
-    if board.is_file():
-        read = import_csv(board, ROOT / 'examples' / 'freeimu_mapping.yaml')
-        cases.append(in_blocks('freeimu', read))
-    return cases
-
-
-def given_case(path: Path, mapping: Path | None, train: str | None) -> Case:
-    """Return the case of a bag or, with a mapping, of a CSV file."""
-    recording = import_csv(path, mapping) if mapping else read_bag(path)
-    if train is None:
-        return in_blocks(path.stem, recording)
-    first, separator, last = train.partition('..')
-    if not separator or not (first + last).isdigit() or int(first) >= int(last):
-        raise SystemExit(f'--train {train}: expected rows a..b with a below b, e.g. 0..6799')
-    a, b, n = int(first), int(last) + 1, len(recording)
-    if a > 0 and b < n:
-        raise SystemExit(f'--train {train}: start at row 0 or end at row {n - 1}')
-    return Case(
-        f'{path.stem}, fitted to {train}', recording, (slice(b, n) if a == 0 else slice(a),)
-    )
 
 
 def main() -> int:

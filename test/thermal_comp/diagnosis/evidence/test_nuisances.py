@@ -69,6 +69,21 @@ def test_a_die_that_moves_while_its_thermometer_stands_is_no_effect() -> None:
     assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
 
 
+def test_a_die_that_warms_itself_shows_where_its_thermometer_stands_before_a_ramp() -> None:
+    # A die only in the air would leave it in the middle of its hysteresis until then.
+    time, temperature, _, _ = chamber()
+    die = temperature + 0.6 * (1.0 - np.exp(-time / 150.0))
+    noisy = np.random.default_rng(1).normal(0.0, 0.03, len(die))
+    read = np.round((stuck(lagging(die, 20.0, PERIOD), 0.17) + noisy) / 0.0625) * 0.0625
+    error = {'linear_acceleration': np.outer(die - temperature, SLOPES['linear_acceleration'])}
+    plain = [run(up, seed=k, noise=0.1, error=error) for k, up in enumerate(('+x', '-z'))]
+    air = temperature + 200.0 * np.gradient(temperature, time)
+    campaign = [replace(one, temperature=read, chamber_temperature=air) for one in plain]
+    said = diagnose(measured_by(campaign, 'accelerometer')).explanations[0]
+    assert said.names == ()
+    assert said.probability > 0.5
+
+
 def test_what_a_better_thermometer_beside_it_tells_is_no_gradient() -> None:
     plain = run()
     die = plain.temperature

@@ -132,34 +132,40 @@ def _responses(response: Response, run: PreparedRun) -> FloatArray:
 
 def _possible_errors(run: PreparedRun) -> FloatArray:
     """(n, q) errors of the thermometer in a run, one of each kind."""
-    since = run.conditions.time - run.conditions.time[0]
-    decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
     parts = [
         temperature_history(run),
         _hysteresis_and_places(run.conditions),
-        np.stack(decays, axis=1),
+        _settling(run.conditions),
     ]
     return np.concatenate(parts, axis=1)
 
 
-def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
-    """(n, 4) hysteresis about the reading, about a die in the air; air, board − reading [K].
+def _settling(conditions: Conditions) -> FloatArray:
+    """(n, q) transients after power-on."""
+    since = conditions.time - conditions.time[0]
+    return np.asarray(np.exp(-since[:, None] / np.array(priors.THERMOMETER_SETTLING_S)))
 
-    The second counts in dwells: the die follows the swings of the air's control, which are
-    smaller than the hysteresis of the thermometer. Without the air's temperature it is zero, and
-    the third is by the humidity, or zero as well; so is the fourth without the board's.
+
+def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
+    """(n, q) plays about the reading, one about a die in the air; air, board − reading [K].
+
+    Plays of several widths together are any hysteresis (Prandtl–Ishlinskii). That about a die in
+    the air counts in dwells: the die follows the swings of the air's control, which are smaller
+    than the hysteresis of the thermometer. Without the air's temperature it is zero, and the air
+    is by the humidity, or zero as well; so is the last without the board's temperature.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
-    behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
+    widths = priors.THERMOMETER_HYSTERESIS_K
+    behind = [play(temperature, width)[0] - temperature for width in widths]
     unseen = np.zeros_like(temperature)
     if air is not None:
         die = _die_in(air, conditions)
-        unseen = play(die, priors.THERMOMETER_HYSTERESIS_K)[0] - die
+        unseen = play(die, max(widths))[0] - die
     else:
         air = _air_by_humidity(conditions)
     board = conditions.device_temperature
     board = temperature if board is None else board
-    return np.stack([behind, unseen, air - temperature, board - temperature], axis=1)
+    return np.stack([*behind, unseen, air - temperature, board - temperature], axis=1)
 
 
 def _air_by_humidity(conditions: Conditions) -> FloatArray:
@@ -175,8 +181,16 @@ def _air_by_humidity(conditions: Conditions) -> FloatArray:
 
 
 def _die_in(air: FloatArray, conditions: Conditions) -> FloatArray:
-    """(n,) temperature of a die that follows the air, with the lag that is most like it."""
+    """(n,) temperature of a die that follows the air and warms itself after power-on.
+
+    It has the lag that is most like the reading, and settles as that does: on which side of its
+    hysteresis the thermometer stands before the first ramp is told by nothing else.
+    """
     temperature = conditions.temperature - conditions.temperature.mean()
     dies = [follow(conditions.time, air, seconds)[0] for seconds in priors.THERMOMETER_DIES_S]
     likeness = [temperature @ (die - die.mean()) / max(float(die.std()), 1e-9) for die in dies]
-    return dies[int(np.argmax(likeness))]
+    die = dies[int(np.argmax(likeness))]
+    settling = _settling(conditions)
+    columns = np.column_stack([np.ones_like(die), settling])
+    warmth = np.linalg.lstsq(columns, conditions.temperature - die, rcond=LEAST_NEW_LENGTH)[0]
+    return np.asarray(die + settling @ warmth[1:])

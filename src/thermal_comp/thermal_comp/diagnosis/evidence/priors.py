@@ -93,8 +93,8 @@ THERMOMETER_AIR_S = 300.0
 """Time constant of die against air [s]: what lags by a time less reads that share of the air."""
 THERMOMETER_BOARD_S = 10.0
 """That of die against board [s]: what lags by more is as far from the die as the board."""
-THERMOMETER_HYSTERESIS_K = 0.1
-"""Half-width of its hysteresis [K]: an LSM9DS1's has counts of 1/16 K …"""
+THERMOMETER_HYSTERESIS_K = (0.05, 0.1)
+"""Half-widths of plays that its hysteresis consists of [K]: an LSM9DS1's has counts of 1/16 K …"""
 THERMOMETER_DIES_S = tuple(np.geomspace(20.0, 2000.0, 21).tolist())
 """… and time constants of dies that move with the air meanwhile: bare boards, housings [s]."""
 THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
@@ -117,13 +117,15 @@ SHAPE_STEP_LN = 0.3
 def thermometer_deviations(lag: float) -> FloatArray:
     """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
 
-    They are lag [s], its square [s²], what it follows slowly [K/K], hysteresis [K/K], that about
-    a die that follows the air [K/K], shares of air and board [K/K], transients [K].
+    They are lag [s], its square [s²], what it follows slowly [K/K], plays of its hysteresis
+    [K/K], the widest about a die that follows the air [K/K], shares of air and board [K/K],
+    transients [K].
     """
+    plays = [1.0] * (len(THERMOMETER_HYSTERESIS_K) + 1)
     parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
     shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0)]
-    return np.array([lag, lag**2, *parts, 1.0, 1.0, *shares, *transients])
+    return np.array([lag, lag**2, *parts, *plays, *shares, *transients])
 
 
 def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO_LN) -> FloatArray:
