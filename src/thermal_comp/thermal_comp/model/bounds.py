@@ -68,17 +68,18 @@ def impossible_terms(
 ) -> Iterator[tuple[int, str, str]]:
     """Give number, field and reason of every effect whose error or uncertainty is impossible.
 
-    Each term is an effect, its coefficients, and their standard deviations of the same shape.
+    Each term is an effect, its coefficients, and their covariance in the order they are stored.
+    Coefficients that nearly cancel, as of two lags that are alike, are uncertain, their error not.
     """
     sensor = conditions.sensor
     limit, unit = LARGEST_ERROR[sensor], SENSOR_UNITS[sensor]
-    for number, (effect, coefficients, std) in enumerate(terms):
+    for number, (effect, coefficients, covariance) in enumerate(terms):
         if not coefficients.size:
             continue
         columns = effect.columns(conditions)[0]
         with np.errstate(over='ignore', invalid='ignore'):
             error = _largest(columns, coefficients, effect)
-            doubt = _largest(np.abs(columns), std, effect)
+            doubt = _largest_std(columns, coefficients.shape, covariance, effect)
         if not error <= limit:
             reason = f'{effect.name} would make an error of {error:.3g} {unit} within the range'
             yield number, 'coefficients', f'{reason}, possible is up to {limit:g} {unit}'
@@ -91,6 +92,23 @@ def _largest(columns: FloatArray, coefficients: FloatArray, effect: Effect) -> f
     """Return the largest size of columns (n, p) or (n, 3, p) times coefficients."""
     per_run = coefficients if effect.per_run else coefficients[np.newaxis]
     return max(float(np.abs(columns @ each).max()) for each in per_run)
+
+
+def _largest_std(
+    columns: FloatArray, shape: tuple[int, ...], covariance: FloatArray, effect: Effect
+) -> float:
+    """Return the largest standard deviation of the error that coefficients of a shape make."""
+    runs = shape[0] if effect.per_run else 1
+    size = len(covariance) // runs
+    variances = []
+    for start in range(0, len(covariance), size):
+        block = covariance[start : start + size, start : start + size]
+        for axis in range(3):
+            shared = columns.ndim == 3
+            rows = columns[:, axis] if shared else columns
+            own = block if shared else block[axis::3, axis::3]
+            variances.append(np.einsum('np,pq,nq->n', rows, own, rows, optimize=True).max())
+    return float(np.sqrt(np.maximum(np.max(variances), 0.0)))
 
 
 def impossible_sizes(sensor: Sensor, values: FloatArray) -> str:

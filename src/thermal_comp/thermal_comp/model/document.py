@@ -215,7 +215,7 @@ def _sensor(
     covariance = _covariance(entry['covariance'], sum(c.size for c in coefficients))
     low, high = _range(entry['temperature_range'])
     conditions = typical_conditions(low, high, reference_temperature, sensor)
-    terms = list(zip(found, coefficients, _std_of(covariance, coefficients), strict=True))
+    terms = list(zip(found, coefficients, _blocks(covariance, coefficients), strict=True))
     for number, field, reason in impossible_terms(terms, conditions):
         owner = entry if field == 'covariance' else entry['effects'].items()[number]
         raise owner[field].refuse(reason)
@@ -238,12 +238,12 @@ def _refuse(place: Field, reason: str) -> None:
         raise place.refuse(reason)
 
 
-def _std_of(covariance: FloatArray, coefficients: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Give the standard deviations of each effect's coefficients, in their shape."""
-    std = np.sqrt(np.diag(covariance))
+def _blocks(covariance: FloatArray, coefficients: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """Give the covariance of each effect's coefficients."""
     start = 0
     for each in coefficients:
-        yield std[start : start + each.size].reshape(each.shape)
+        part = slice(start, start + each.size)
+        yield covariance[part, part]
         start += each.size
 
 
