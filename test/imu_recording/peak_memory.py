@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 def peak_bytes(call: Callable[[], object]) -> int:
-    """Return it, of the least of three calls: other threads may allocate meanwhile, too."""
+    """Return the peak [bytes], the least of three calls: other threads allocate meanwhile, too."""
     call()  # imports, compiles
     return min(_peak(call) for _ in range(3))
 

@@ -68,8 +68,9 @@ def impossible_terms(
 ) -> Iterator[tuple[int, str, str]]:
     """Give number, field and reason of every effect whose error or uncertainty is impossible.
 
-    Each term is an effect, its coefficients, and their covariance in the order they are stored.
-    Coefficients that nearly cancel, as of two lags that are alike, are uncertain, their error not.
+    Each term is an effect, its coefficients, and their covariance (size, size) in the order they
+    are stored, in squares of their units. What counts is the standard deviation of the error that
+    they make together: coefficients of two lags that are alike are uncertain, but cancel.
     """
     sensor = conditions.sensor
     limit, unit = LARGEST_ERROR[sensor], SENSOR_UNITS[sensor]
@@ -97,7 +98,10 @@ def _largest(columns: FloatArray, coefficients: FloatArray, effect: Effect) -> f
 def _largest_std(
     columns: FloatArray, shape: tuple[int, ...], covariance: FloatArray, effect: Effect
 ) -> float:
-    """Return the largest standard deviation of the error that coefficients of a shape make."""
+    """Return the largest standard deviation of the error c · x over rows and axes, √(c Σ cᵀ).
+
+    Columns c are (n, p) with coefficients ([runs,] p, 3), or (n, 3, p) with ([runs,] p).
+    """
     runs = shape[0] if effect.per_run else 1
     size = len(covariance) // runs
     variances = []

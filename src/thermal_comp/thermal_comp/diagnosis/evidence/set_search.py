@@ -25,9 +25,9 @@ TRIED_ADDITIONS = 4
 LEAST_LOG_EVIDENCE_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
 PROMISING_SHARE = 0.3
-"""Share of the best addition's gain from which another is fitted: shapes of a grid are coarse …"""
+"""Share of the best addition's gain of ln evidence from which another is fitted …"""
 LOG_EVIDENCE_LEEWAY = 15.0
-"""… and so are all but the large gains."""
+"""… less this: on a coarse grid of shapes an addition gains less than it does once fitted."""
 
 
 @dataclass(frozen=True)
