@@ -51,6 +51,7 @@ def test_a_heater_that_was_not_logged_is_told_by_the_air() -> None:
     assert found[0]['depends_on'] == 'heater'
 
 
+@pytest.mark.long
 def test_noise_that_makes_a_law_disappear_is_not_taken_for_it() -> None:
     # The likelier answer, a law of time under usual noise, was replaced by noise 80 times as loud.
     campaign = draw_campaign(3679, 'two_cycles_one_pose')
@@ -108,6 +109,7 @@ def test_a_fast_lag_below_the_noise_may_act() -> None:
     assert found['thermal_lag_two_stage',] > 0.1
 
 
+@pytest.mark.long
 def test_surroundings_that_were_not_logged_make_a_rate_and_a_warm_up() -> None:
     # The die heats itself after power-on, so that a difference to its surroundings shows both.
     campaign = draw_campaign(4325, 'several_days')

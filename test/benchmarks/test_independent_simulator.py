@@ -108,6 +108,7 @@ def test_campaign_goes_through_a_bag(tmp_path):
     assert len(read) == len(recording)
 
 
+@pytest.mark.long
 def test_a_step_that_fast_noise_was_taken_for_is_named():
     """The step, fitted as slow noise, leaves hardly any for white noise."""
     campaign = draw_campaign(3349, 'single_sweep', hide=[('bias_step', 16.3)], rivals=False)

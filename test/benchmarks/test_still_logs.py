@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from still_logs import SENSORS, chamber_run, draw_device, left_in, still_of
 from thermal_comp.model.values import SensorModel, ThermalModel
 
 
+@pytest.mark.long
 def test_ten_flights_tell_most_of_the_curve_and_their_bands_hold() -> None:
     device = draw_device(4)
     curves = still_of(device, 10, 20.0, seed=4)

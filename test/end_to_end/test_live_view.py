@@ -74,6 +74,7 @@ def all_is_heard(watch: Watch) -> bool:
     return enough and single and left and bool(state.phase) and said >= set(NODES)
 
 
+@pytest.mark.long
 def test_a_remapped_chain_in_a_namespace_is_shown_whole(
     processes: Any, listener: Listener, dut1_model: Path
 ) -> None:

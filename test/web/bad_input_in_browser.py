@@ -70,6 +70,7 @@ def press_open(page) -> None:
     page.locator('.dialog').wait_for(state='detached')
 
 
+@pytest.mark.long
 def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
     server = serve('--root', folder)
     watched = watch(server.address)

@@ -99,6 +99,7 @@ def check_saved_case(page) -> None:
     assert [v['parent'] for v in content['versions']] == [None, 'v1']
 
 
+@pytest.mark.long
 def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     serve, watch, small_bags, held_by
 ):
@@ -145,6 +146,7 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     watched.check()
 
 
+@pytest.mark.long
 def test_verdict_and_fits_are_shown_while_figures_are_computed(serve, watch, small_bags, held_by):
     bag = small_bags / 'dut2_x'
     server = serve(bag, held_by=held_by, holds='figures', answered=[bag])
@@ -173,6 +175,7 @@ HOLD_PRESSES = """() => {
 """Keep back what the page tells its server until `passOn`; `sendHeld` sends it late."""
 
 
+@pytest.mark.long
 def test_a_press_that_arrives_after_the_page_was_drawn_anew_is_heard(serve, watch, small_bags):
     bag = small_bags / 'dut2_x'
     watched = watch(serve(bag, answered=[bag]).address)
@@ -198,6 +201,7 @@ COUNT_RESTYLING = """() => {
 """Count how often the body's class is set: the styles of thousands of elements follow."""
 
 
+@pytest.mark.long
 def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_bags):
     bag = small_bags / 'dut2_x'
     watched = watch(serve(bag, answered=[bag]).address)
@@ -227,6 +231,7 @@ def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_
     watched.check()
 
 
+@pytest.mark.long
 def test_a_version_whose_file_is_missing_is_said_and_tried_again(
     serve, watch, small_bags, tmp_path
 ):
@@ -355,6 +360,7 @@ def test_a_path_that_is_not_there_is_refused_before_the_server_starts(serve, tmp
         serve(tmp_path / 'nowhere', by_command=True)
 
 
+@pytest.mark.long
 def test_a_case_that_is_served_twice_is_refused(serve, small_bags, tmp_path, capfd):
     cases = tmp_path / 'cases'
     bag = small_bags / 'dut2_x'

@@ -112,6 +112,7 @@ def dense_bags(tmp_path: Path) -> list[Path]:
     return bags
 
 
+@pytest.mark.long
 def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch, dense_bags):
     server = serve(*dense_bags)
     watched = watch(server.address, height=TALL)
@@ -256,6 +257,7 @@ def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(desktop):
     desktop.check()
 
 
+@pytest.mark.long
 def test_figures_follow_a_window_that_changes_its_width(phone):
     page = phone.page
     page.set_viewport_size({'width': 390, 'height': TALL})
@@ -288,6 +290,7 @@ def test_nothing_can_be_pressed_before_the_server_hears_it(hidden_effect_server,
     page.close()
 
 
+@pytest.mark.long
 def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, watch):
     address = hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z'
     watched = watch(address, 820, 1180, has_touch=True, is_mobile=True)

@@ -92,6 +92,7 @@ def ros_node(silence: Event) -> Iterator[Node]:
     rclpy.try_shutdown(context=context)
 
 
+@pytest.mark.long
 def test_controls_wait_until_a_board_is_heard(serve, watch, silence):
     silence.set()
     page = watch(serve('--root', ROOT / 'bags').address + '?live=1').page
@@ -133,6 +134,7 @@ def test_what_is_published_is_shown_until_it_falls_silent(serve, watch, silence)
     watched.check()
 
 
+@pytest.mark.long
 def test_two_publishers_on_one_topic_are_a_warning(serve, watch, silence, ros_node):
     ros_node.create_publisher(Imu, f'{DEVICE}/imu/data_ahrs', 50)
     server = serve('--root', ROOT / 'bags')

@@ -29,7 +29,9 @@ CAMPAIGN_TRACKS = {
 
 
 @pytest.mark.shared_data
-@pytest.mark.parametrize('bag', ['practice_a/run1', 'blind_e/run3'])
+@pytest.mark.parametrize(
+    'bag', ['practice_a/run1', pytest.param('blind_e/run3', marks=pytest.mark.long)]
+)
 def test_campaign_equals_anyreader(shared: Path, bag: str) -> None:
     path = shared / 'campaigns' / bag
     recording = read_bag(path)

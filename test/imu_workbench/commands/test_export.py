@@ -21,6 +21,7 @@ def model(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+@pytest.mark.long
 def test_c99_holds_against_its_own_vectors(model: Path, bags: Path, tmp_path: Path) -> None:
     target, told = tmp_path / 'thermal', tmp_path / 'told.json'
     command = ['export', str(model), str(bags / 'hidden_effect_x'), '--to', 'c99']

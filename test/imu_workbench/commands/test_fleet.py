@@ -33,6 +33,7 @@ def test_the_verb_starts_workers_and_writes_the_page(fleet_bags: Path, tmp_path:
     assert '<title>Fleet</title>' in (out / 'report.html').read_text()
 
 
+@pytest.mark.long
 @pytest.mark.end_to_end
 def test_workers_try_an_effect_of_the_users_own(fleet_bags: Path, tmp_path: Path) -> None:
     effect, out = tmp_path / 'rhythm.py', tmp_path / 'out'

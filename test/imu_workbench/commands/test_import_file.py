@@ -15,7 +15,7 @@ from thermal_comp.model.file import load_model
 from imu_recording import read_bag
 
 
-@pytest.mark.parametrize('suffix', ['ulg', 'bin'])
+@pytest.mark.parametrize('suffix', [pytest.param('ulg', marks=pytest.mark.long), 'bin'])
 def test_a_log_of_the_simulated_device_gives_its_model(
     suffix: str, writers: ModuleType, bags: Path, tmp_path: Path
 ) -> None:

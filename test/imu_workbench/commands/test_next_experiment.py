@@ -13,6 +13,7 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 from .asking import Answer, refuses
 
 
+@pytest.mark.long
 def test_the_next_experiment_runs_in_the_chamber(
     model: Path, tmp_path: Path, answer: Answer
 ) -> None:

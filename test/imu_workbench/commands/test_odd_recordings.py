@@ -268,7 +268,13 @@ def changed(recording: ImuRecording, changes: Sequence[Change]) -> ImuRecording:
     return recording
 
 
-@pytest.mark.parametrize('name', ODD)
+@pytest.mark.parametrize(
+    'name',
+    [
+        name if ALL or n % 2 == 0 else pytest.param(name, marks=pytest.mark.long)
+        for n, name in enumerate(ODD)
+    ],
+)
 def test_every_verb_answers_odd_recordings_or_says_why_not(
     name: str, whole: list[ImuRecording], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ def test_reveal_diagnoses_first_and_then_opens_the_truth(
     assert content['truth']['name'] in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_simulate_tells_reveal_what_a_year_has_changed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

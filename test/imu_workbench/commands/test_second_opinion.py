@@ -21,6 +21,7 @@ def board(bags: Path) -> ImuRecording:
     return read_bag(bags / 'dut1_z').rows(slice(None, None, 4))
 
 
+@pytest.mark.long
 def test_logs_are_judged_by_their_own_autopilot(
     writers: ModuleType, board: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,6 +69,7 @@ def test_a_bag_is_judged_device_by_device_and_a_sensor_that_is_dead_is_named(
     assert second['notes'][0] in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_logs_of_one_board_are_judged_by_one_another(
     writers: ModuleType, board: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

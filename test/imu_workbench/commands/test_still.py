@@ -48,6 +48,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [str(folder / f'f{number}') for number in range(5)]
 
 
+@pytest.mark.long
 def test_the_model_of_flights_is_one_that_apply_takes(
     flights: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

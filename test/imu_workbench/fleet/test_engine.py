@@ -116,6 +116,7 @@ def site() -> Iterator[Callable[[int], SimpleNamespace]]:
         yield start
 
 
+@pytest.mark.long
 def test_a_scheduler_without_workers_or_with_others_software_is_refused(
     fleet_bags: Path, tmp_path: Path, site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,6 +138,7 @@ def test_a_scheduler_without_workers_or_with_others_software_is_refused(
         pass
 
 
+@pytest.mark.long
 def test_a_cluster_that_grows_is_given_more_devices(
     fleet_bags: Path, site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,6 +162,7 @@ def test_a_cluster_that_grows_is_given_more_devices(
         assert len(list(rows)) == 1
 
 
+@pytest.mark.long
 def test_a_scheduler_that_goes_away_is_said_in_one_line(fleet_bags: Path, site) -> None:
     here = site(1)
     with connected(Cluster(here.address)) as client:
@@ -175,6 +178,7 @@ def copied(fleet_bags: Path, device: str, target: Path) -> Path:
     return target
 
 
+@pytest.mark.long
 def test_a_device_that_was_given_twice_or_moved_has_one_estimate(
     fleet_bags: Path, tmp_path: Path
 ) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from imu_workbench.fleet.estimate import EstimateSettings, estimate_device
 from imu_workbench.fleet.sources import find_devices
 
@@ -30,6 +31,7 @@ def test_settings_depend_on_the_code_of_effects_not_on_where_it_stands(tmp_path:
     assert EstimateSettings.of([one]).hash != first.hash
 
 
+@pytest.mark.long
 def test_a_device_is_tried_for_the_effects_of_a_file(fleet_bags: Path, tmp_path: Path) -> None:
     (source,) = find_devices([f'{fleet_bags}/lot=B'])
     file = tmp_path / 'own.py'

@@ -153,6 +153,7 @@ def test_a_device_with_fewer_runs_does_not_shorten_the_study(tmp_path: Path) -> 
     assert (curve.devices, max(one.poses for one in curve.points)) == (29, 2)
 
 
+@pytest.mark.long
 def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=1.0)
     written = tmp_path / 'short.yaml'

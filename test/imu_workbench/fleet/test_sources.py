@@ -40,6 +40,7 @@ def cases(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_case_is_a_device_with_the_recordings_that_are_open(cases: Path) -> None:
     ticks = itertools.count(10**12, 3 * 10**9)
     devices = find_devices([str(cases), str(BAGS / 'dut1_x')])

@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from imu_workbench.answer import plain
 from imu_workbench.commands.report import load_models
 from imu_workbench.report.analysis import analyse_recordings
@@ -46,6 +47,7 @@ def content_of(recordings, **options):
     return report_content(analysis, commands=['report'], versions={})
 
 
+@pytest.mark.long
 def test_an_effect_of_the_users_own_is_diagnosed_and_stands_in_models(run, tmp_path) -> None:
     file, path = tmp_path / 'ripple.py', tmp_path / 'model.yaml'
     file.write_text(RIPPLE, 'utf-8')

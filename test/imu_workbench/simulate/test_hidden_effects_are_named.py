@@ -85,6 +85,7 @@ def test_nothing_hidden_raises_no_alarm(bias_instability: float) -> None:
         assert {f.sensor for f in findings} == {A, G, M}
 
 
+@pytest.mark.long
 def test_a_step_that_noise_was_fitted_to_is_named() -> None:
     """Fitted to a step of 13 × noise, white noise vanishes, and what is left has no name."""
     recordings = hidden_campaign(

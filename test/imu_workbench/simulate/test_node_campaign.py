@@ -22,6 +22,7 @@ def campaign(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_the_folder_holds_one_bag_per_orientation_with_journal_and_profile(campaign) -> None:
     assert sorted(path.name for path in campaign.iterdir()) == ['x', 'y', 'z']
     answer = json.loads((campaign.parent / 'answer.json').read_text())

@@ -41,12 +41,14 @@ def test_a_slope_half_as_large_again_is_found_with_its_ratio() -> None:
         assert ratio['value'] == pytest.approx(1.5, abs=0.02 + 2.0 * ratio['std'])
 
 
+@pytest.mark.long
 def test_another_campaign_of_the_same_device_has_not_changed() -> None:
     found = later()
     assert found.verdict == 'complete'
     assert not found.findings
 
 
+@pytest.mark.long
 def test_a_time_constant_that_moved_is_said_with_what_it_is_now() -> None:
     time, temperature, *_ = chamber()
 

@@ -51,6 +51,7 @@ def test_others_that_know_it_by_another_name_do_not_speak_for_it(
     assert coupled_support(FixtureTilt(), answers) < 1.0
 
 
+@pytest.mark.long
 def test_a_sensor_whose_error_has_no_name_does_not_speak_for_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

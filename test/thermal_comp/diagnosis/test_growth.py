@@ -85,6 +85,7 @@ def test_a_wrong_effect_shows_no_gain_on_held_out_parts() -> None:
     assert 'no gain on held-out parts' in str(added)
 
 
+@pytest.mark.long
 def test_noise_gets_no_empirical_term() -> None:
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     assert grow(None, runs, FEW).steps == ()
@@ -97,6 +98,7 @@ class RoughRate(TemperatureRate):
         return (self,)
 
 
+@pytest.mark.long
 def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> None:
     def error(time: np.ndarray, die: np.ndarray) -> dict[str, np.ndarray]:
         gains = 3e3 * WHITE['magnetic_field'] * np.array([1.0, -0.7, 0.9])
@@ -116,6 +118,7 @@ def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> No
     assert 'temperature_rate (magnetometer) raises the held-out error: left out' in said
 
 
+@pytest.mark.long
 def test_what_lowers_the_error_by_chance_waits_for_what_lowers_it_surely(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -157,6 +160,7 @@ def test_an_effect_that_raises_the_error_says_so_and_where(grown: Growth) -> Non
     assert raised_by(grown) == []
 
 
+@pytest.mark.long
 def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
     """Chosen on other shapes than the fit ends with, a hysteresis raised the error."""
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
@@ -166,6 +170,7 @@ def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch)
     assert grow(None, runs, FEW).steps == ()
 
 
+@pytest.mark.long
 def test_a_law_of_temperature_and_its_rate_is_followed_by_products() -> None:
     """Curves, lags and branches by themselves leave most of it."""
     time, die = chamber(3, PERIOD)[:2]

@@ -40,6 +40,7 @@ def in_gyroscope(process: np.ndarray) -> list[ImuRecording]:
     return measured_by(runs, 'gyroscope')
 
 
+@pytest.mark.long
 def test_a_lag_is_no_rate_and_no_pair_of_lags() -> None:
     die = chamber()[1]
     (found,) = findings(in_gyroscope(2e-4 * (lagging(die, 90.0, PERIOD) - die)), HEAT)
@@ -57,6 +58,7 @@ def test_a_rate_is_no_short_lag_but_may_be_a_gradient_nobody_logged() -> None:
     assert found.ambiguous_with == ('thermal_gradient',)
 
 
+@pytest.mark.long
 def test_a_gradient_inside_the_device_is_told_by_the_thermometer_on_it() -> None:
     time, die, *_ = chamber()
     warmth = -0.8 * np.expm1(-time / 400.0)  # self-heating, after a power-on at the start
@@ -71,6 +73,7 @@ def test_a_gradient_inside_the_device_is_told_by_the_thermometer_on_it() -> None
     assert found.parameters['outside']['value'] == 1.0
 
 
+@pytest.mark.long
 def test_a_gradient_inside_the_device_is_told_by_the_die_where_no_thermometer_shows_it() -> None:
     # What lags as much as the die itself shows neither the board's rate nor how the die warms it.
     time, die, *_ = chamber()
@@ -87,6 +90,7 @@ def test_a_gradient_inside_the_device_is_told_by_the_die_where_no_thermometer_sh
     assert found.parameters['outside']['value'] == 3.0
 
 
+@pytest.mark.long
 def test_two_lags_far_apart_are_two() -> None:
     die = chamber()[1]
     fast, slow = lagging(die, 60.0, PERIOD) - die, lagging(die, 1500.0, PERIOD) - die
@@ -129,6 +133,7 @@ def tilted() -> Diagnosis:
     return diagnosed(turned(1e-4, field_too=True), TURNS)
 
 
+@pytest.mark.long
 def test_the_magnetometer_tells_a_tilt_from_a_scale_factor(tilted: Diagnosis) -> None:
     (tilt,) = effects_in(tilted)
     assert (tilt.name, tilt.sensor) == ('fixture_tilt', 'accelerometer+magnetometer')
@@ -147,6 +152,7 @@ def test_a_tilt_stands_among_the_explanations_of_every_sensor_that_it_turns(
         assert sum(one.probability for one in own) < 1.0 + 1e-9
 
 
+@pytest.mark.long
 def test_a_tilt_keeps_its_name_beside_a_field_that_grows_in_the_chamber() -> None:
     names = (*TURNS, 'fixture_hard_iron')
     found = findings(turned(1e-4, field_too=True, magnet=3e-8), names)

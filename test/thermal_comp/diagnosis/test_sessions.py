@@ -21,6 +21,7 @@ TIMED = {
 }
 
 
+@pytest.mark.long
 def test_a_large_step_is_not_taken_for_noise() -> None:
     time = chamber()[0]
     slip = 3e-3 * (time >= 19_730.0)[:, None] * AXES
@@ -52,6 +53,7 @@ def test_a_session_may_begin_with_the_first_cycle() -> None:
     assert found.parameters['first']['value'] == 1.0
 
 
+@pytest.mark.long
 def test_creep_goes_on_from_run_to_run_or_begins_anew() -> None:
     time = chamber()[0]
     begins = 60_000.0 * np.arange(3)  # the chamber waits between the runs

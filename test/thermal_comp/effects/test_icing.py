@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.operators import grow_and_melt
 
@@ -27,6 +28,7 @@ def test_ice_by_degrees_is_a_sum_of_degrees_between_none_and_all_water() -> None
     assert (last, amount) == (time[-1], ice[-1])
 
 
+@pytest.mark.long
 def test_ice_by_degrees_has_its_name() -> None:
     time, temperature = chamber()[:2]
     degrees = np.cumsum(np.where(temperature < 0.0, -temperature, -3.0 * temperature))

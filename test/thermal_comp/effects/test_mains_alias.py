@@ -36,6 +36,7 @@ def test_a_line_is_as_strong_as_its_machine_is_on() -> None:
     assert np.array_equal(MainsAlias(0.0123).columns(heated)[0], steady)
 
 
+@pytest.mark.long
 def test_a_line_that_comes_and_goes_with_the_heater_is_named() -> None:
     time = chamber(2)[0]
     heater = (np.sin(time / 700.0) > 0.2).astype(float)

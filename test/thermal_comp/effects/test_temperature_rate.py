@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -40,6 +41,7 @@ def smoothing_and_error(recording: ImuRecording) -> tuple[float, float]:
     return rate.smoothing, float(left[0] / left[1])
 
 
+@pytest.mark.long
 def test_a_coarse_thermometer_is_smoothed_for_longer_and_then_helps() -> None:
     coarse, die = days_with_a_rate()
     long, left = smoothing_and_error(coarse)

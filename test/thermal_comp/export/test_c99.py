@@ -109,6 +109,7 @@ def test_a_gradient_in_c_asks_for_the_thermometer_it_was_fitted_with(tmp_path: P
         off_by(tmp_path, model, [example_course(model)])
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures('compiler')
 def test_all_effects_at_once_share_what_they_follow(tmp_path: Path) -> None:
     model = model_of([EFFECTS[name]() for name in DEVICE_EFFECTS])
@@ -138,6 +139,7 @@ def test_bundled_bags_are_compensated_alike(bags: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(last[14:17], subtracted[-1], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures('compiler')
 def test_a_slow_lag_at_a_high_rate_holds_in_single_precision(tmp_path: Path) -> None:
     """An hour's lag at 952 Hz: a step changes it by less than single precision resolves."""

@@ -57,6 +57,7 @@ def test_a_scale_factor_is_no_bias() -> None:
     assert lost.costs['scale_factor_temperature'] == pytest.approx(1e-4 * 30.0 * 9.80665, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_fitted_cubic_is_judged_on_parts_it_has_not_seen(bags: Path) -> None:
     recordings = [read_bag(bags / f'hidden_effect_{axis}') for axis in 'xyz']
     effects = [EFFECTS['bias_temperature'](), EFFECTS['thermal_lag'](74.0)]

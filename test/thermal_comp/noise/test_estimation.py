@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
@@ -137,6 +138,7 @@ def test_runs_whose_noise_differs_by_chance_share_it() -> None:
     assert not fit_noise(runs, 'gyroscope').white_factors
 
 
+@pytest.mark.long
 def test_a_line_in_one_run_alone_is_not_the_noise_of_that_run() -> None:
     time = chamber(3, PERIOD)[0]
     size = 5.0 * WHITE['angular_velocity'] / np.sqrt(PERIOD)

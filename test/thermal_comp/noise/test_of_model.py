@@ -52,6 +52,7 @@ def errors(runs: list[PreparedRun], noise: NoiseModel) -> tuple[float, float]:
     return float((held.rms(SENSOR) ** 2).mean()), float((held.floor(SENSOR) ** 2).mean())
 
 
+@pytest.mark.long
 def test_floor_of_the_true_noise_is_the_mean_square_of_what_is_left(runs) -> None:
     left = np.array([errors(drawn, TRUE_NOISE) for drawn in draws(runs, 64)])
     error, floor = left.mean(axis=0)
@@ -60,6 +61,7 @@ def test_floor_of_the_true_noise_is_the_mean_square_of_what_is_left(runs) -> Non
     assert abs(error / floor - 1.0) < 0.02
 
 
+@pytest.mark.long
 def test_floor_of_the_fitted_noise_follows_each_draw(runs) -> None:
     ratios = []
     for drawn in draws(runs, 24):

@@ -33,6 +33,7 @@ def in_bursts(seed: int) -> ImuRecording:
     return whole.rows(time % HOUR < 35.0)
 
 
+@pytest.mark.long
 def test_the_scatter_of_bursts_an_hour_apart_is_noise() -> None:
     slower = 0.16 * -np.expm1(-HOUR / np.array([200.0, 4000.0])).sum()
     truth = np.hypot(WANDERING, np.sqrt(slower) * WHITE['angular_velocity'])
@@ -52,6 +53,7 @@ def knocked(size: float) -> list[PreparedRun]:
     return prepare([whole.rows(time % HOUR < 200.0)])
 
 
+@pytest.mark.long
 def test_what_a_knock_makes_of_bursts_is_no_noise() -> None:
     base = {'gyroscope': (BiasTemperature(),)}
     for size, names in ((0.0, ()), (4.0, ('bias_step',)), (25.0, ('bias_step',))):

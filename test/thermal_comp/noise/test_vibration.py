@@ -108,6 +108,7 @@ def test_noise_is_independent_along_the_axes_that_are_found_still_and_shaken() -
     assert np.sort(along)[1] < 0.05 * along.max()
 
 
+@pytest.mark.long
 def test_bursts_of_one_block_tell_the_axes_of_their_noise_as_well() -> None:
     wanted = independent_axes(prepared(), SENSOR)
     found = independent_axes([replace(r, slot=30 * r.slot) for r in prepared()], SENSOR)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from thermal_comp.still.levels import LevelEquations, solve_levels
 
 LOGS, EACH, SLOPE = 40, 3, 2.0
@@ -41,6 +42,7 @@ def equations(seed: int, odd: float = 0.0) -> LevelEquations:
     )
 
 
+@pytest.mark.long
 def test_levels_of_many_logs_tell_the_slope_and_how_sure_it_is() -> None:
     apart, widths = [], []
     for seed in range(20):

@@ -6,6 +6,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.still.log import resting_log
 from thermal_comp.still.pool import Pool
@@ -46,6 +47,7 @@ def pool(odd: float = 0.0) -> Pool:
     return Pool(runs, np.arange(len(runs)), np.full(len(runs), np.nan), 'gyroscope', (0.0, LOGS))
 
 
+@pytest.mark.long
 def test_the_slope_comes_back_within_its_uncertainty() -> None:
     model = pool().model()
     std = np.sqrt(np.diag(model.covariance))[:3]
@@ -64,6 +66,7 @@ def test_the_spread_of_levels_is_told_and_ageing_is_not_asked_without_dates() ->
     assert curve.log_levels.shape == (LOGS, 3)
 
 
+@pytest.mark.long
 def test_a_stretch_unlike_the_others_is_left_out_by_name() -> None:
     assert pool().odd == []
     found = pool(0.05)

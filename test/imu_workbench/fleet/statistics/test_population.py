@@ -25,6 +25,7 @@ def test_the_population_is_told_apart_from_the_error_of_the_estimates() -> None:
     assert 2.85 < distance.mean() < 3.15  # the posterior says how far it is off
 
 
+@pytest.mark.long
 def test_the_scatter_of_few_devices_is_not_told_too_small() -> None:
     draw = np.random.default_rng(8)
     found = []

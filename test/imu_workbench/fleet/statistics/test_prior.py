@@ -47,6 +47,7 @@ def fleet(folder: Path, middle: np.ndarray) -> str:
     return str(folder)
 
 
+@pytest.mark.long
 def test_slopes_are_shrunk_to_the_lot_by_as_much_as_both_are_certain(tmp_path: Path) -> None:
     alone = fitted(tmp_path).sensors
     slopes = alone['gyroscope'].coefficients[0][0]
@@ -73,6 +74,7 @@ def test_slopes_are_shrunk_to_the_lot_by_as_much_as_both_are_certain(tmp_path: P
     assert (np.diag(of_type.covariance) > np.diag(shared.covariance)).all()
 
 
+@pytest.mark.long
 def test_a_device_outside_its_lot_is_told_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

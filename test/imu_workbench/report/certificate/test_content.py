@@ -84,6 +84,7 @@ def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) ->
         content_of(analysis, limits=wrong)
 
 
+@pytest.mark.long
 def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_together(
     run,
 ) -> None:

@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from imu_workbench.report.certificate.recordings import conditions, losses, recording_row
 from imu_workbench.report.html.document import report_page
 
@@ -18,6 +19,7 @@ def test_a_plan_without_a_name_is_that_of_the_set_points(run) -> None:
     assert conditions([replace(bare, setpoint=None)], 0.0, 1.0)['plan'] == 'not stated'
 
 
+@pytest.mark.long
 def test_loss_and_damage_stand_on_the_first_page(analysis) -> None:
     def page_of(*notes: str) -> str:
         first, *others = analysis.runs

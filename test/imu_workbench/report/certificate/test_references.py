@@ -152,6 +152,7 @@ def test_a_field_that_varies_moves_coefficients_as_a_new_fit(
     assert unstated.others[source] == 'not stated'
 
 
+@pytest.mark.long
 def test_a_tilt_moves_misalignments_as_a_new_fit(run: Callable[..., ImuRecording]) -> None:
     straight = [run(up=up, seed=i, cycles=3) for i, up in enumerate('xyz')]
     flipped = [

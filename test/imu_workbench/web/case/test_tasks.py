@@ -62,6 +62,7 @@ def test_adding_reaches_the_floor_and_taking_out_brings_the_error_back(fitted):
     )
 
 
+@pytest.mark.long
 def test_a_campaign_effect_takes_its_part_out_of_the_residual(fitted):
     change = Change('bias_drift', ('gyroscope',))
     version = change_task(lambda _: None, fitted.prepared, fitted.line.model_text, change, [])

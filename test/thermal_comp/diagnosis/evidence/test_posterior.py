@@ -102,6 +102,7 @@ def test_what_the_equation_of_a_large_effect_lacks_is_no_second_effect() -> None
     assert said.likeliest.approximate
 
 
+@pytest.mark.long
 def test_an_effect_like_one_whose_channel_was_not_logged_leaves_it_a_third() -> None:
     time, temperature, *_ = chamber()
     rate = 0.3 * np.gradient(temperature, time)
@@ -141,6 +142,7 @@ def test_what_repeats_with_the_cycle_may_be_a_law_of_history_or_a_machine() -> N
     assert by_name['unlogged',] > by_name['not_in_catalogue',] > 0.05
 
 
+@pytest.mark.long
 def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
     time = chamber()[0]
     waves = 4e-4 * np.sin(2.0 * np.pi * time / 9000.0 + (time / 2e4) ** 2)
@@ -198,6 +200,7 @@ def test_an_effect_beside_a_supply_that_was_not_logged_keeps_its_name() -> None:
     assert said.probability_of('thermal_lag') > 0.85
 
 
+@pytest.mark.long
 def test_a_bias_that_jumps_between_levels_is_not_called_a_switched_channel_alone() -> None:
     """Random telegraph noise: what is switched and was not logged makes the same steps."""
     time = chamber()[0]
@@ -241,6 +244,7 @@ def test_a_channel_that_is_read_with_noise_still_names_its_effect() -> None:
     assert said.likeliest.probability > 0.9
 
 
+@pytest.mark.long
 def test_what_a_compressor_does_without_turning_came_through_the_supply() -> None:
     time = chamber()[0]
     running = (np.sin(time / 240.0 + (time / 1e4) ** 2) > 0.2).astype(float)

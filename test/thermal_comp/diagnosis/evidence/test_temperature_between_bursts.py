@@ -2,6 +2,7 @@
 """What remembers the temperature is named although nobody read it between bursts."""
 
 import numpy as np
+import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
@@ -18,6 +19,7 @@ LOOK_ALIKES = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_lag_in_bursts_as_far_apart_as_a_ramp_is_long_keeps_its_name() -> None:
     """Corners of the course between bursts make an error that no other effect is."""
     time, temperature, *_ = chamber()

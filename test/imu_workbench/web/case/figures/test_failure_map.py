@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import pytest
 from imu_workbench.report.figures.modelled import FAILURE_COLOUR_SCALE
 from imu_workbench.web.case.figures.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.view import View
@@ -10,6 +11,7 @@ from imu_workbench.web.case.view import View
 VIEW = View('accelerometer', 2)
 
 
+@pytest.mark.long
 def test_the_line_fails_in_the_ramps_and_the_lag_does_not(fitted):
     before, after = (failure_map(version, VIEW) for version in (fitted.line, fitted.lag))
     assert {place.phase for place, _ in before.worst(6)} <= {'ramp_up', 'ramp_down'}
