@@ -110,6 +110,18 @@ def test_a_slow_thermometer_beside_fast_samples_looks_like_no_rate_effect() -> N
     assert np.abs(late).max() < 0.02 * 1.5 * fastest
 
 
+def test_a_slow_thermometer_is_recognised_where_nobody_noted_when_it_was_read() -> None:
+    true = still(0.5, 1.0)
+    held = 10 * (np.arange(len(true)) // 10)
+    silent = replace(true, temperature=true.temperature[held])
+    told = replace(silent, temperature_stamp=true.stamp[held])
+    (found,), (wanted,) = prepare([silent], period=20.0), prepare([told], period=20.0)
+    np.testing.assert_array_equal(found.temperature, wanted.temperature)
+    assert found.conditions.temperature_interval == 10.0
+    assert any('measured every 10 s' in note for note in found.notes)
+    assert prepare([true])[0].conditions.temperature_interval == 0.0
+
+
 def test_cycles_without_a_set_point_are_found_in_the_temperature() -> None:
     (run,) = prepare([still(3.0, 1.0)])
     assert run.has_cycles

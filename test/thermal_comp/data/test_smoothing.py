@@ -82,6 +82,19 @@ def test_rows_that_are_means_over_a_step_say_when_it_was() -> None:
     assert np.abs(smoothed - true.reshape(-1, 10).mean(axis=1))[inside].max() < 0.01
 
 
+def test_a_thermometer_that_is_read_more_seldom_than_the_rows_is_smoothed_as_it_was_read() -> None:
+    time, true = ramps(1.0)
+    read = true[::10] + 0.05 * np.random.default_rng(1).standard_normal(len(true[::10]))
+    rows = np.interp(time, time[::10], read)
+    rate = np.gradient(true, time)
+    error = [
+        np.std(np.gradient(smoothed_temperature(time, rows, s), time) - rate) for s in (0, 10)
+    ]
+    direct = smoothed_temperature(time[::10], read)
+    assert error[1] < 0.3 * error[0]
+    assert error[1] < 1.1 * np.std(np.gradient(direct, time[::10]) - rate[::10])
+
+
 def test_what_lies_beyond_a_gap_is_not_mixed_in() -> None:
     time, true = ramps(5.0)
     later = np.where(np.arange(len(time)) < 2000, 0.0, 40.0)

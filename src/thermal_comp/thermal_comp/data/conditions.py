@@ -60,6 +60,8 @@ class Conditions:
     """(n, 3) [T]."""
     time_before: float = 0.0
     """Time from the first sample of the campaign's first run to where `time` is zero [s]."""
+    temperature_interval: float = 0.0
+    """Time between measurements of `temperature` [s], with straight lines between; 0: each row."""
     sensor: Sensor = 'accelerometer'
     """The sensor whose error an effect is to give."""
     reference_temperature: float = REFERENCE_TEMPERATURE

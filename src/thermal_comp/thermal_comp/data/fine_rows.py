@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+from imu_recording.held_temperature import note_held
 from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.phase import cycles_from_temperature, phases_from_setpoint
 from imu_recording.recording import SENSOR_FIELDS, ImuRecording
@@ -23,6 +24,25 @@ LEAST_CYCLE_ROWS = 10
 """Rows of a cycle on average, below which the rows at its ends are kept."""
 LONGEST_LEADING_GAP_S = 60.0
 """A track that starts up to this long after the IMU [s] has its first value from the beginning."""
+
+
+def with_measurement_stamps(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
+    """Return the recording with the times of measurement of a temperature that rows repeat.
+
+    Files are read with them; a recording that a program has made has none.
+    """
+    notes: list[str] = []
+    if recording.temperature_stamp is None:
+        stamps = note_held(recording.stamp, recording.temperature, notes)
+        recording = replace(recording, temperature_stamp=stamps)
+    return recording, notes
+
+
+def measurement_interval(recording: ImuRecording) -> float:
+    """Return the usual time between measurements of the temperature that rows repeat [s], or 0."""
+    stamp = recording.temperature_stamp
+    known = np.unique(stamp[stamp >= 0]) if stamp is not None else ()
+    return 1e-9 * float(np.median(np.diff(known))) if len(known) > 1 else 0.0
 
 
 def measured_temperature(recording: ImuRecording) -> ImuRecording:

@@ -30,6 +30,8 @@ from thermal_comp.data.fine_rows import (
     complete,
     fine_rows,
     measured_temperature,
+    measurement_interval,
+    with_measurement_stamps,
     without_cycle_ends,
 )
 from thermal_comp.data.gaps import ends_of_long_gaps
@@ -108,9 +110,9 @@ def prepare_run(
     truth: Truth = resting_conditions,
 ) -> PreparedRun:
     """Return the prepared run of one recording."""
-    whole = _longest_stretch(recording, name)
+    whole, held = with_measurement_stamps(_longest_stretch(recording, name))
     started = cut_startup(whole)
-    notes = list(started.notes)
+    notes = [*held, *started.notes]
     if truth is resting_conditions:  # in motion a single row may truly differ from its neighbours
         started, damaged = without_damage(started)
         notes += damaged
@@ -122,7 +124,7 @@ def prepare_run(
     fine, filled = complete(_with_known_temperature(fine, name, notes))
     notes += [*counted, *filled]
     fine = without_cycle_ends(fine)
-    conditions = truth(fine)
+    conditions = replace(truth(fine), temperature_interval=measurement_interval(whole))
     since_origin = conditions.time + (fine.stamp[0] - origin) * 1e-9
     unblocked = PreparedRun(
         name=name,

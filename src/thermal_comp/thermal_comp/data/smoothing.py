@@ -64,20 +64,26 @@ def smoothed_conditions(conditions: Conditions) -> tuple[Conditions, IntArray]:
         if bursts := _bursts(time):
             between = _between_bursts(time, bursts)
             longer = conditions.at(np.sort(np.concatenate([time, between])))
-            temperature = _through_bursts(time, measured, bursts, longer.time)
+            temperature = _through_bursts(conditions, bursts, longer.time)
             row = np.arange(len(time)) + np.searchsorted(between, time)
             _SMOOTHED[conditions] = replace(longer, temperature=temperature), row
         else:
-            smooth = replace(conditions, temperature=smoothed_temperature(time, measured))
-            _SMOOTHED[conditions] = smooth, np.arange(len(time))
+            smooth = smoothed_temperature(time, measured, conditions.temperature_interval)
+            _SMOOTHED[conditions] = replace(conditions, temperature=smooth), np.arange(len(time))
     return _SMOOTHED[conditions]
 
 
 _SMOOTHED: WeakKeyDictionary[Conditions, tuple[Conditions, IntArray]] = WeakKeyDictionary()
 
 
-def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Return the (n,) temperature without its thermometer's noise; `time` (n,) ascends [s]."""
+def smoothed_temperature(
+    time: FloatArray, temperature: FloatArray, interval: float = 0.0
+) -> FloatArray:
+    """Return the (n,) temperature without its thermometer's noise; `time` (n,) ascends [s].
+
+    `interval`: time between measurements [s] that straight lines join; 0: each row is one. Rows on
+    such lines have less noise from one to the next than the measurements have.
+    """
     pieces, step = _pieces(time)
     longest = max(pieces, key=len)
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
@@ -85,7 +91,8 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
     smoothed = temperature.copy()
     for rows in pieces:
         smoothed[rows] = _between_steps(temperature[rows])
-    width = _width(smoothed[longest], step)
+    every = max(round(interval / step), 1)
+    width = _width(smoothed[longest][::every], every * step)
     for rows in pieces:
         if len(rows) >= LEAST_ROWS:
             smoothed[rows] = _spline(smoothed[rows], width / step)
@@ -115,7 +122,7 @@ def _between_bursts(time: FloatArray, bursts: Sequence[IntArray]) -> FloatArray:
 
 
 def _through_bursts(
-    time: FloatArray, measured: FloatArray, bursts: Sequence[IntArray], there: FloatArray
+    conditions: Conditions, bursts: Sequence[IntArray], there: FloatArray
 ) -> FloatArray:
     """Return the temperature at times `there`, along a smooth curve through bursts.
 
@@ -123,8 +130,9 @@ def _through_bursts(
     keeps to straight ramps and to corners (Akima, J. ACM 17, 1970). Longer ones tell it, and the
     curve goes on with it from burst to burst.
     """
+    time, measured = conditions.time, conditions.temperature
     if max(map(len, bursts)) >= LONGEST_SHORT_BURST_ROWS:
-        smooth = smoothed_temperature(time, measured)
+        smooth = smoothed_temperature(time, measured, conditions.temperature_interval)
         ends = np.concatenate([rows[[0, -1]] for rows in bursts if len(rows) > 1])
         slope = np.gradient(smooth, time)
         inside = np.interp(there, time, smooth)
@@ -168,9 +176,7 @@ def _missed_bursts(conditions: Conditions, bursts: Sequence[IntArray]) -> FloatA
     for first in (1, 2):
         left_out = np.arange(first, len(bursts) - 1, 2)
         others = [rows for k, rows in enumerate(bursts) if k not in set(left_out.tolist())]
-        curve = _through_bursts(
-            conditions.time, conditions.temperature, others, np.nextafter(middle[left_out], np.inf)
-        )
+        curve = _through_bursts(conditions, others, np.nextafter(middle[left_out], np.inf))
         missed[left_out] = np.abs(curve - mean[left_out])
     missed[[0, -1]] = missed[[1, -2]]
     return missed

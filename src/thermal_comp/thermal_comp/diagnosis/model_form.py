@@ -30,12 +30,12 @@ from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component
-from thermal_comp.diagnosis.evidence.flaws import gain_of
+from thermal_comp.diagnosis.evidence.flaws import FlexibleFunction, gain_of
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.set_fit import scaled
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
-from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup, ColumnSource
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, joint_evidence, log_sum
 from thermal_comp.model.values import SensorModel, ThermalModel
 
@@ -308,20 +308,21 @@ def _alternatives(
     hypotheses.allow_unnamed()
     state = hypotheses.conditioned(components)
     explained = hypotheses.explained(components)
-    amplitudes = priors.flaw_log_prior(float(np.sqrt(explained)))
+    log_prior = priors.flaw_log_prior(float(np.sqrt(explained)))
+
+    def gain(term: ColumnGroup) -> tuple[float, float]:
+        return gain_of(state, FlexibleFunction(term, log_prior), beside=True)
+
     variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
-    singles = sorted(
-        ((gain_of(state, term, amplitudes, beside=True), term) for term in variables),
-        key=lambda pair: -pair[0][0],
-    )
-    whole = gain_of(state, hypotheses.discrepancy, amplitudes, beside=True)
+    singles = sorted(((gain(term), term) for term in variables), key=lambda pair: -pair[0][0])
+    whole = gain(hypotheses.discrepancy)
     flaws = [((*whole, hypotheses.discrepancy), 1)]
-    flaws += [((*gain, term), len(singles)) for gain, term in singles[:LIKELIEST_VARIABLES]]
+    flaws += [((*gained, term), len(singles)) for gained, term in singles[:LIKELIEST_VARIABLES]]
     beside: list[tuple[float, tuple[CoefficientPrior, ...]]] = [
         (float(np.log(1.0 - priors.FORM_APPROXIMATE_PROBABILITY)), ())
     ]
     share = float(np.log(priors.FORM_APPROXIMATE_PROBABILITY / 3.0))
-    for (gain, size, term), ways in flaws:
+    for (gained, size, term), ways in flaws:
         columns = term.columns
         width = np.full(len(columns), size / np.sqrt(state.power(columns)))
         flaw = CoefficientPrior(columns, shared=term.shared, deviation=width)
@@ -329,7 +330,7 @@ def _alternatives(
             np.array([columns]), np.array([size]), shared=term.shared, beside=True
         )[0][0, 0]) - state.log_evidence  # fmt: skip
         # All amplitudes count; the best one's evidence is in the equations themselves.
-        beside.append((share - float(np.log(ways)) + gain - best, (flaw,)))
+        beside.append((share - float(np.log(ways)) + gained - best, (flaw,)))
     found = [
         Alternative(own + further, (*nuisances, *flaw))
         for own, nuisances in hypotheses.nuisances

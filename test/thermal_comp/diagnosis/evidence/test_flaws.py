@@ -8,18 +8,21 @@ import pytest
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.flaws import (
     FittedSet,
+    FlexibleFunction,
     exact_weight,
     flaws,
     free_flaw,
     gain_of,
     log_prior_at,
     may_be_flawed,
+    thermometer_acts,
 )
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import conditioned, log_sum
 
-from ..one_run import behind, lagging_gyroscope, searched
+from ...campaign import chamber
+from ..one_run import PERIOD, behind, lagging_gyroscope, searched
 
 
 def flaw_and_exact(answer: SensorAnswer, *names: str) -> tuple[float, float]:
@@ -42,6 +45,16 @@ def test_a_lag_that_is_shorter_in_the_cold_is_a_flaw_of_the_equation() -> None:
     assert flaw > exact + 20.0
 
 
+def test_the_flaw_of_a_thermometer_is_no_flaw_of_a_small_effect_beside_it() -> None:
+    """What follows time alone is none of a thermometer, however much its errors explain."""
+    time, *_ = chamber(1, PERIOD)
+    wave = 1e-3 * np.sin(2.0 * np.pi * time / time[-1]) ** 3
+    answer = searched(2e-3 * (behind(1e9) + behind(20.0)) + wave)
+    assert thermometer_acts(answer.hypotheses)
+    assert flaw_and_exact(answer, 'warm_up')[0] < flaw_and_exact(answer)[0] + 1.0
+    assert answer.likeliest.names == ('not_in_catalogue',)
+
+
 def test_where_nothing_is_explained_no_equation_can_be_wrong() -> None:
     quiet = searched(np.zeros(len(behind(300.0))))
     nothing = next(s for s in quiet.sets if not s.names)
@@ -55,10 +68,13 @@ def test_what_stands_already_adds_nothing_and_what_lacks_has_its_size() -> None:
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
     nothing = answer.hypotheses.conditioned(())
     explained = answer.hypotheses.explained(lag.components, ())
-    gain, amplitude = gain_of(nothing, term, flat, beside=True)
+    gain, amplitude = gain_of(nothing, FlexibleFunction(term, flat), beside=True)
     assert gain == pytest.approx(0.5 * explained, rel=0.5)
     assert 0.4 < amplitude / np.sqrt(explained / 3.0) < 2.5  # of one axis, steps of two
-    assert gain_of(answer.hypotheses.conditioned(lag.components), term, flat)[0] < 1.0
+    assert (
+        gain_of(answer.hypotheses.conditioned(lag.components), FlexibleFunction(term, flat))[0]
+        < 1.0
+    )
 
 
 def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
@@ -67,9 +83,11 @@ def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
     nothing = answer.hypotheses.conditioned(())
     size = float(np.sqrt(answer.hypotheses.explained(lag.components, ())))
-    free = gain_of(nothing, term, flat, beside=True)[0]
-    assert gain_of(nothing, term, flat, beside=True, largest=2.0 * size)[0] == pytest.approx(free)
-    assert gain_of(nothing, term, flat, beside=True, largest=0.3 * size)[0] < 0.8 * free
+    free = gain_of(nothing, FlexibleFunction(term, flat), beside=True)[0]
+    assert gain_of(nothing, FlexibleFunction(term, flat, 2.0 * size), beside=True)[
+        0
+    ] == pytest.approx(free)
+    assert gain_of(nothing, FlexibleFunction(term, flat, 0.3 * size), beside=True)[0] < 0.8 * free
 
 
 def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:
@@ -92,6 +110,6 @@ def test_the_evidence_of_a_function_of_many_coefficients_is_that_of_a_dense_grid
         dense = np.geomspace(priors.AMPLITUDES[0], priors.AMPLITUDES[-1], 2401)
         each = state.evidences(np.arange(width)[None], dense, shared=False)[0][0]
         expected = log_sum(each - state.log_evidence + even[0] - np.log(200.0))
-        gain, best = gain_of(state, ColumnGroup(tuple(range(width))), even)
+        gain, best = gain_of(state, FlexibleFunction(ColumnGroup(tuple(range(width))), even))
         assert gain == pytest.approx(expected, abs=2.0)
         assert best == pytest.approx(dense[int(np.argmax(each))], rel=0.2)

@@ -20,7 +20,10 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedD
 THERMOMETER_SEEN_CHI2 = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
 HISTORY_VARIABLES = frozenset({'rate', 'branch', 'phase'})
-"""Variables that say how the temperature moved: what errors of a thermometer follow."""
+"""Variables that say how the temperature moved: what errors of a thermometer follow …"""
+RATE_PER_ORIENTATION = 'temperature rate, one slope per orientation'
+"""… and what they do where the slope over temperature, by which they act, is another by some per
+cent in an orientation."""
 STEPS_BETWEEN_AMPLITUDES = 2
 """Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
 evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""
@@ -39,6 +42,17 @@ MOST_JOINT_FUNCTIONS = 3
 """Flexible functions that are weighed beside each other."""
 LEAST_GAIN_FOR_ANOTHER = 2.0
 """Gain of ln evidence of the best of them from which another is looked for beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleFunction:
+    """A function that may act beside a set, of a size that is believed beforehand."""
+
+    term: ColumnGroup
+    log_prior: FloatArray
+    """(s,) ln of the prior over AMPLITUDES."""
+    largest: float = np.inf
+    """√Δχ² beyond which it does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +101,8 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     """
     explained = explained_by_equations(hypotheses, some)
     size, largest = priors.flaw_log_prior(explained), _largest_flaw(some, explained)
-    return gain_of(state, hypotheses.discrepancy, size, beside=True, largest=largest)[0]
+    function = FlexibleFunction(hypotheses.discrepancy, size, largest)
+    return gain_of(state, function, beside=True)[0]
 
 
 def _largest_flaw(some: EffectSet, explained: float) -> float:
@@ -110,7 +125,8 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
     - a smooth function of all that was logged;
     - a function of one variable: not of temperature, whose curves tell laws apart; of the phase of
       the cycle, which unlogged machines follow, only as a share of what effects of the
-      temperature's history explain; of a thermometer alone, one of HISTORY_VARIABLES;
+      temperature's history explain; one that errors of the thermometer may follow as a share of
+      what these explain, any other as a share of what the effects explain;
     - the columns of a kindred effect, as a gradient's for a lag of two stages;
     - the columns of any other effect.
 
@@ -135,22 +151,10 @@ def _flaw(
     """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
     some = one.set
     explained = explained_by_equations(hypotheses, some)
-    log_prior = priors.flaw_log_prior(explained)
+    log_prior = priors.flaw_log_prior(float(np.sqrt(some.explained)))
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    left_out = {'temperature', *one.variables_of_larger}
-    follows = {r.depends_on for r in hypotheses.regressors} - {'phase'}
-    allowed = (follows if some.components else HISTORY_VARIABLES) - left_out
-    variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
-    largest = _largest_flaw(some, explained)
-    single = gains_together(
-        hypotheses, some, one.state, variables, log_prior, beside=True, largest=largest
-    )
-    if history := _explained_by_history(some):
-        phases = [r.term for r in hypotheses.regressors if r.depends_on == 'phase']
-        share = priors.flaw_log_prior(history)
-        single += [
-            gain_of(one.state, term, share, beside=True, largest=largest)[0] for term in phases
-        ]
+    functions = _functions(hypotheses, one)
+    single = gains_together(hypotheses, some, one.state, functions, beside=True)
     if some.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
@@ -204,22 +208,40 @@ def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
     return {f.name for f in families if any(e.is_kin_of(f.effect()) for e in effects)}
 
 
+def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFunction]:
+    """Return the functions of one variable that a flaw may be, as large as what they belong to."""
+    some = one.set
+    of_effects, of_history = float(np.sqrt(some.explained)), _explained_by_history(some)
+    of_thermometer = float(np.sqrt(hypotheses.explained_by_thermometer))
+    left_out = {'temperature', *one.variables_of_larger}
+    found = []
+    for regressor in hypotheses.regressors:
+        variable = regressor.depends_on
+        sizes = []
+        if variable not in left_out and some.components:
+            sizes.append(of_history if variable == 'phase' else of_effects)
+        if variable in HISTORY_VARIABLES - left_out or regressor.name == RATE_PER_ORIENTATION:
+            sizes.append(of_thermometer)
+        if (size := max(sizes, default=0.0)) > 0.0:
+            log_prior, largest = priors.flaw_log_prior(size), _largest_flaw(some, size)
+            found.append(FlexibleFunction(regressor.term, log_prior, largest))
+    return found
+
+
 def gains_together(
     hypotheses: SensorHypotheses,
     some: EffectSet,
     state: ConditionedDesign,
-    terms: Sequence[ColumnGroup],
-    amplitude: FloatArray,
+    functions: Sequence[FlexibleFunction],
     *,
     beside: bool = False,
-    largest: float = np.inf,
     known: tuple[CoefficientPrior, ...] = (),
 ) -> list[float]:
     """Return ln of the evidence each flexible function adds; the best with others beside it.
 
     What acts rarely follows one variable alone: another may stand beside the best, and so on.
     """
-    each = [gain_of(state, term, amplitude, beside=beside, largest=largest) for term in terms]
+    each = [gain_of(state, function, beside=beside) for function in functions]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains)) if gains else 0
     if (
@@ -227,48 +249,35 @@ def gains_together(
         and gains[place] > LEAST_GAIN_FOR_ANOTHER
         and len(known) + 1 < MOST_JOINT_FUNCTIONS
     ):
-        columns, width = terms[place].columns, each[place][1]
+        columns, width = functions[place].term.columns, each[place][1]
         if beside:
             width /= np.sqrt(state.power(columns))
         best = CoefficientPrior(columns, shared=False, deviation=np.full(len(columns), width))
         with_best = (*known, best)
         after = hypotheses.conditioned(some.components, with_best)
-        others = [term for term in terms if term is not terms[place]]
-        further = gains_together(
-            hypotheses,
-            some,
-            after,
-            others,
-            amplitude,
-            beside=beside,
-            largest=largest,
-            known=with_best,
-        )
+        others = [function for function in functions if function is not functions[place]]
+        further = gains_together(hypotheses, some, after, others, beside=beside, known=with_best)
         more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT_PROBABILITY / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
     return gains
 
 
 def gain_of(
-    state: ConditionedDesign,
-    term: ColumnGroup,
-    amplitude: FloatArray,
-    *,
-    beside: bool = False,
-    largest: float = np.inf,
+    state: ConditionedDesign, function: FlexibleFunction, *, beside: bool = False
 ) -> tuple[float, float]:
     """Return ln of the evidence a flexible function adds and its best amplitude.
 
-    `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
-    One that explains more than `largest` [√Δχ²] does not count.
+    `beside`: the amplitude is that of all that the function adds.
     """
+    term = function.term
     evidence, explained = state.evidences(
         np.array([term.columns]), np.exp(_FINE_LOG_SIZES), shared=term.shared, beside=beside
     )
-    log_prior = np.interp(_FINEST_LOG_SIZES, _LOG_SIZES, amplitude) - 2.0 * np.log(
+    log_prior = np.interp(_FINEST_LOG_SIZES, _LOG_SIZES, function.log_prior) - 2.0 * np.log(
         STEPS_BETWEEN_AMPLITUDES
     )
-    log_prior[np.interp(_FINEST_LOG_SIZES, _FINE_LOG_SIZES, explained[0]) > largest**2] = -1e300
+    sizes = np.interp(_FINEST_LOG_SIZES, _FINE_LOG_SIZES, explained[0])
+    log_prior[sizes > function.largest**2] = -1e300
     weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
     return log_sum(weighted), float(np.exp(_FINEST_LOG_SIZES[int(np.argmax(weighted))]))
 

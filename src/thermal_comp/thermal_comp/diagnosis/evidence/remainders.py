@@ -20,8 +20,8 @@ from thermal_comp.diagnosis.evidence.effect_sets import (
 )
 from thermal_comp.diagnosis.evidence.flaws import (
     FittedSet,
+    FlexibleFunction,
     exact_weight,
-    explained_by_equations,
     gain_of,
     gains_together,
     log_prior_at,
@@ -60,8 +60,9 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     gains = _log_gains(hypotheses, some, state, amplitude)
     measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(some)]
     if measured:
-        own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
-        each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
+        own_error = priors.flaw_log_prior(float(np.sqrt(some.explained)))
+        errors = [FlexibleFunction(r.term, own_error) for r in measured]
+        each = [gain_of(state, error, beside=True)[0] for error in errors]
         share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
         found.append(Remainder('flaw', None, log_sum(each) + share))
     gains = [
@@ -180,7 +181,8 @@ def _log_gains(
 ) -> list[tuple[GenericRegressor, float]]:
     """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
     regressors = hypotheses.regressors
-    gains = gains_together(hypotheses, some, state, [r.term for r in regressors], amplitude)
+    functions = [FlexibleFunction(r.term, amplitude) for r in regressors]
+    gains = gains_together(hypotheses, some, state, functions)
     return list(zip(regressors, gains, strict=True))
 
 
