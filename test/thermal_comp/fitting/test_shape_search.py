@@ -63,3 +63,16 @@ def test_the_lag_is_found_from_afar_and_one_at_its_limit_is_said() -> None:
     assert bound_notes(found) == []
     (note,) = bound_notes(design(true=300.0, start=10.0))
     assert note.startswith('gyroscope: thermal lag: time constant ends at 10, the limit of')
+
+
+def test_two_stages_do_not_meet_where_one_body_follows_another() -> None:
+    _, die, *_ = chamber(1)
+    behind = lagging(lagging(die, 400.0, 5.0), 400.0, 5.0) - die
+    error = 1e-3 * behind[:, None] * np.array([1.0, -0.5, 0.7])
+    runs = prepare([run(cycles=1, error={'angular_velocity': error})])
+    effects = EFFECTS['bias_temperature'](), EFFECTS['thermal_lag_two_stage']()
+    noise = {'gyroscope': fit_noise(runs, 'gyroscope')}
+    found = refine_shapes(Design(runs, {'gyroscope': effects}, noise))
+    lag = found.effects['gyroscope'][1]
+    assert lag.stages_are_apart
+    assert not with_shape(lag, shape_scales(lag, HOUR), np.log([400.0, 401.0])).stages_are_apart

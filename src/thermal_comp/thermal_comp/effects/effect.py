@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache, partial
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -138,8 +138,8 @@ class Effect:
     first_order: ClassVar[bool] = False
     """True where it relaxes with one time constant; a real body may relax with several."""
     least_ratio: ClassVar[float] = 0.0
-    """Least ratio of a shape parameter to the one before it in a search: two stages of nearly one
-    time constant cannot be told from a single stage."""
+    """Least ratio of a shape parameter to the one before it, in searches and fits: two stages of
+    nearly one time constant cannot be told from a single stage."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
     temperature_only: ClassVar[bool] = False
@@ -237,6 +237,14 @@ class Effect:
         """Shape parameters that a search moves and a fit finds; others are part of the form."""
         known = self.shape_parameters
         return [f for f in fields(self) if f.name in known and not f.metadata.get('given', True)]
+
+    @property
+    def stages_are_apart(self) -> bool:
+        """Whether each free parameter is `least_ratio` times the one before it."""
+        if not self.least_ratio:
+            return True
+        stages = [getattr(self, item.name) for item in self.free_parameters]
+        return all(after >= self.least_ratio * before for before, after in pairwise(stages))
 
     @property
     def variant(self) -> tuple[float, ...]:

@@ -156,8 +156,12 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
 def _cost(
     free: FreeTerm, effect: Effect, scales: list[ShapeScale], values: FloatArray | float
 ) -> float:
-    """Return the whitened sum of squares that an effect with these parameters leaves at least."""
-    return free.least_squares(with_shape(effect, scales, np.atleast_1d(values)))
+    """Return the whitened sum of squares that an effect with these parameters leaves at least.
+
+    ∞ where stages meet: coefficients that nearly cancel would stand for one stage.
+    """
+    shaped = with_shape(effect, scales, np.atleast_1d(values))
+    return free.least_squares(shaped) if shaped.stages_are_apart else np.inf
 
 
 def _minimum(cost: Cost, start: FloatArray, limits: list[tuple[float, float]]) -> FloatArray:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -306,13 +305,8 @@ def _moved(effect: Effect, ratio: float, powers: Sequence[float]) -> Effect | No
         if not all(low <= number <= high for number in new):
             return None
         changed[item.name] = new if several else new[0]
-    if effect.least_ratio and not _are_apart([*changed.values()], effect.least_ratio):
-        return None
-    return replace(effect, **changed)
-
-
-def _are_apart(values: Sequence[float], ratio: float) -> bool:
-    return all(after >= ratio * before for before, after in pairwise(values))
+    moved = replace(effect, **changed)
+    return moved if moved.stages_are_apart else None
 
 
 def _neighbour(number: float, ratio: float, step: float | None, power: float) -> float:
