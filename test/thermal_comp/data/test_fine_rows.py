@@ -140,6 +140,16 @@ def test_bins_count_from_the_origin_whatever_was_cut() -> None:
     np.testing.assert_array_equal(late.temperature[1:], whole.temperature[4:])
 
 
+def test_after_its_last_measurement_a_temperature_goes_on_as_before() -> None:
+    recording = still(0.5, 1.0)
+    ramp = replace(recording, temperature=20.0 + 0.01 * recording.time)
+    read = np.minimum(np.arange(len(ramp)) // 20 * 20, 1600)  # the last 3 min were not measured
+    held = replace(ramp, temperature=ramp.temperature[read], temperature_stamp=ramp.stamp[read])
+    found = measured_temperature(held).temperature
+    np.testing.assert_allclose(found[:1620], ramp.temperature[:1620], atol=1e-9)
+    np.testing.assert_allclose(found[1620:], ramp.temperature[1620], atol=1e-9)
+
+
 def test_a_held_temperature_is_interpolated_between_its_measurements() -> None:
     recording = still(0.5, 1.0)
     measured = np.arange(len(recording)) // 20 * 20

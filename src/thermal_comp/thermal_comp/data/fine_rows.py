@@ -58,7 +58,11 @@ def measured_temperature(recording: ImuRecording) -> ImuRecording:
     if len(stamp) < 2:
         return recording
     values = recording.temperature[known][first]
-    between = np.interp(recording.stamp - stamp[0], stamp - stamp[0], values)
+    since = stamp - stamp[0]
+    # After the last sample it goes on as before, for as long as from one sample to the next.
+    since = np.append(since, 2 * since[-1] - since[-2])
+    values = np.append(values, 2.0 * values[-1] - values[-2])
+    between = np.interp(recording.stamp - stamp[0], since, values)
     between[~known] = np.nan
     return replace(recording, temperature=between, temperature_stamp=None)
 
