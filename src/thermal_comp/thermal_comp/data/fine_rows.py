@@ -40,9 +40,10 @@ def with_measurement_stamps(recording: ImuRecording) -> tuple[ImuRecording, list
 
 def measurement_interval(recording: ImuRecording) -> float:
     """Return the usual time between measurements of the temperature that rows repeat [s], or 0."""
-    stamp = recording.temperature_stamp
-    known = np.unique(stamp[stamp >= 0]) if stamp is not None else ()
-    return 1e-9 * float(np.median(np.diff(known))) if len(known) > 1 else 0.0
+    if recording.temperature_stamp is None:
+        return 0.0
+    steps = np.diff(recording.temperature_stamp[recording.temperature_stamp >= 0])
+    return 1e-9 * float(np.median(steps[steps > 0])) if steps.any() else 0.0
 
 
 def measured_temperature(recording: ImuRecording) -> ImuRecording:

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.generic_regressors import RATE_PER_ORIENTATION
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
@@ -20,10 +21,7 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedD
 THERMOMETER_SEEN_CHI2 = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
 HISTORY_VARIABLES = frozenset({'rate', 'branch', 'phase'})
-"""Variables that say how the temperature moved: what errors of a thermometer follow …"""
-RATE_PER_ORIENTATION = 'temperature rate, one slope per orientation'
-"""… and what they do where the slope over temperature, by which they act, is another by some per
-cent in an orientation."""
+"""Variables that say how the temperature moved: what errors of a thermometer follow."""
 STEPS_BETWEEN_AMPLITUDES = 2
 """Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
 evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""

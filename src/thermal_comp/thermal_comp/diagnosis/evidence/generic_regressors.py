@@ -81,7 +81,7 @@ def generic_regressors(
         ('temperature', 'fine curve over temperature', spans.fine_temperature, False),
         ('time', 'curve over temperature that changes with time', spans.slope_in_time, False),
         ('orientation', 'powers of temperature, one set per orientation', spans.powers, True),
-        ('orientation', 'temperature rate, one slope per orientation', spans.rate_slope, True),
+        ('orientation', RATE_PER_ORIENTATION, spans.rate_slope, True),
     ]
     if all(run.has_cycles for run in runs):
         made.append(('phase', 'curve over the phase of the cycle', spans.phase, False))
@@ -145,6 +145,9 @@ def _regressor(
     return GenericRegressor(depends_on, name, term, betrayed, suspect)
 
 
+RATE_PER_ORIENTATION = 'temperature rate, one slope per orientation'
+"""Regressor that follows errors of a thermometer where the slope over temperature, by which they
+act, is another by some per cent in an orientation."""
 SMOOTH_CURVES = (
     'curve over temperature',
     'curve over temperature, one per branch',
