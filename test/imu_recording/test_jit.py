@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CONSTANT = 'OFFSET = {offset}\n'
 PART = """
 from imu_recording.jit import inline
@@ -63,6 +65,7 @@ def test_kernels_run_where_nothing_can_be_written(tmp_path: Path) -> None:
     assert run(tmp_path, XDG_CACHE_HOME=str(tmp_path / 'constant.py')) == '7.0 1'
 
 
+@pytest.mark.long
 def test_who_has_to_wait_for_compilation_is_told_once(tmp_path: Path) -> None:
     write(tmp_path)
     # asked for before numba is there, as nodes do

@@ -7,6 +7,7 @@ import gc
 import subprocess
 import sys
 
+import pytest
 from imu_workbench.precompile import Compilation
 
 MODULES = """
@@ -24,6 +25,7 @@ def test_garbage_is_left_alone_while_a_part_compiles_and_collected_after_it() ->
     assert gc.isenabled()
 
 
+@pytest.mark.long
 def test_modules_of_every_package_are_imported_but_no_main() -> None:
     done = subprocess.run([sys.executable, '-c', MODULES], capture_output=True, check=True)
     modules = set(done.stdout.decode().split())

@@ -103,6 +103,7 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
     watched.check()
 
 
+@pytest.mark.long
 def test_bad_models_and_effects_are_explained(serve, watch, small_bags, tmp_path):
     bag = small_bags / 'dut2_x'
     server = serve(bag, answered=[bag])
@@ -153,6 +154,7 @@ def upload(page, label: str, file: Path) -> None:
     choosing.value.set_files(file)
 
 
+@pytest.mark.long
 def test_a_port_in_use_is_said_on_the_command_line():
     with socket.socket() as taken:
         taken.bind(('127.0.0.1', 0))

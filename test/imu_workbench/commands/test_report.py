@@ -20,6 +20,7 @@ def test_a_report_uses_the_model_it_is_given(
     assert main([*other, '--model', str(dut1_model)]) == 2
 
 
+@pytest.mark.long
 @pytest.mark.shared_data
 def test_a_measured_recording_goes_all_the_way(shared: Path, tmp_path: Path) -> None:
     bag, target = tmp_path / 'freeimu', tmp_path / 'm.yaml'

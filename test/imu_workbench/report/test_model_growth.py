@@ -31,6 +31,7 @@ def growth(bag: Path):
     return ModelGrowthTask([bag]).run()
 
 
+@pytest.mark.long
 def test_an_effect_of_the_users_own_is_named(bag: Path) -> None:
     own = type('OwnRate', (TemperatureRate,), {'name': 'own_rate'})
     catalogue = {'bias_temperature': BiasTemperature, 'own_rate': own}

@@ -50,6 +50,7 @@ def test_a_lag_is_no_rate_and_no_pair_of_lags() -> None:
     assert fitted['value'] == pytest.approx(90.0, abs=4.0 * fitted['std'])
 
 
+@pytest.mark.long
 def test_a_rate_is_no_short_lag_but_may_be_a_gradient_nobody_logged() -> None:
     time, die, *_ = chamber()
     names = (*HEAT, 'thermal_gradient')
@@ -98,6 +99,7 @@ def test_two_lags_far_apart_are_two() -> None:
     assert found.name == 'thermal_lag_two_stage'
 
 
+@pytest.mark.long
 def test_a_step_between_the_times_tried_is_found_where_it_is() -> None:
     time = chamber()[0]
     recordings = [run(up, seed=k) for k, up in enumerate(UP)]

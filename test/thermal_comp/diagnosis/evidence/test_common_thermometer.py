@@ -39,6 +39,7 @@ def named(recordings: list[ImuRecording]) -> set[tuple[str, str | None]]:
     return {(f.sensor, f.name) for f in found if f.kind not in {'noise', 'quality'}}
 
 
+@pytest.mark.long
 def test_a_lag_in_proportion_to_the_slopes_of_all_sensors_is_the_thermometers() -> None:
     diagnosis = tc.diagnose(late(25.0))
     assert {f.kind for f in diagnosis.findings} <= {'noise', 'quality'}
