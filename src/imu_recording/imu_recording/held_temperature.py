@@ -44,6 +44,10 @@ def measurement_stamps(written: IntArray, values: FloatArray) -> IntArray | None
     >>> measurement_stamps(rows, np.sin(np.arange(400.0))) is None
     True
     """
+    with np.errstate(invalid='ignore'):  # ∞ − ∞
+        moves = np.abs(np.diff(values)) > 0.0  # False beside NaN: at least as many are changes
+    if np.count_nonzero(moves) * (LEAST_ROWS_PER_MEASUREMENT - 1) > len(values):
+        return None
     known = np.flatnonzero(np.isfinite(values) & (written >= 0))
     first = known[np.flatnonzero(np.diff(written[known], prepend=-1))]
     changed = np.flatnonzero(np.diff(values[first])) + 1

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache, partial
-from itertools import pairwise, product
+from itertools import product
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -241,10 +241,8 @@ class Effect:
     @property
     def stages_are_apart(self) -> bool:
         """Whether each free parameter is `least_ratio` times the one before it."""
-        if not self.least_ratio:
-            return True
-        stages = [getattr(self, item.name) for item in self.free_parameters]
-        return all(after >= self.least_ratio * before for before, after in pairwise(stages))
+        stages = np.hstack([(), *(getattr(self, item.name) for item in self.free_parameters)])
+        return not self.least_ratio or bool((stages[1:] >= self.least_ratio * stages[:-1]).all())
 
     @property
     def variant(self) -> tuple[float, ...]:
