@@ -97,6 +97,7 @@ def test_noise_that_is_far_too_loud_may_have_a_cause() -> None:
     assert found['unlogged',] + found['not_in_catalogue',] > 0.5 > found['nothing',]
 
 
+@pytest.mark.long
 def test_a_fast_lag_below_the_noise_may_act() -> None:
     # Both stages had to explain as much: without the fast one it was one lag, 93 % sure.
     campaign = draw_campaign(4331, 'irrelevant_channels')

@@ -18,7 +18,10 @@ from imu_recording import read_bag, write_bag
 HISTORY = ('bias_temperature', 'thermal_lag', 'thermal_hysteresis', 'thermal_gradient')
 
 
-@pytest.mark.parametrize(('names', 'tolerance'), [(('bias_temperature',), 1e-12), (HISTORY, 1e-9)])
+@pytest.mark.parametrize(
+    ('names', 'tolerance'),
+    [pytest.param(('bias_temperature',), 1e-12, marks=pytest.mark.long), (HISTORY, 1e-9)],
+)
 def test_node_and_batch_agree(
     bags: Path, tmp_path: Path, names: tuple[str, ...], tolerance: float
 ) -> None:

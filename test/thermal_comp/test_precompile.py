@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 LATER = """
 import gc, json, sys
 from imu_recording import read_bag
@@ -35,6 +37,7 @@ print(json.dumps({'kernels': sorted(before), 'later': sorted(compiled() - before
 """
 
 
+@pytest.mark.long
 def test_nothing_is_compiled_after_the_precompile_step(bags: Path) -> None:
     done = subprocess.run(
         [sys.executable, '-c', LATER, str(bags / 'hidden_effect_z')],

@@ -274,6 +274,7 @@ def test_figures_follow_a_window_that_changes_its_width(phone):
     phone.check()
 
 
+@pytest.mark.long
 def test_nothing_can_be_pressed_before_the_server_hears_it(hidden_effect_server, browser):
     page = browser.new_page()
     held = []

@@ -98,7 +98,9 @@ def damaged(recording: ImuRecording, field: str, rows: slice, value: float) -> I
     return replace(recording, **{field: values})
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    'value', [np.nan, *(pytest.param(v, marks=pytest.mark.long) for v in (np.inf, -np.inf))]
+)
 def test_samples_that_are_not_finite_are_counted(run, tmp_path: Path, capsys, value) -> None:
     clean = run(cycles=2)
     bad = damaged(clean, 'linear_acceleration', slice(100, 150), value)
@@ -111,7 +113,7 @@ def test_samples_that_are_not_finite_are_counted(run, tmp_path: Path, capsys, va
     assert max(rms) < 5e-3
 
 
-@pytest.mark.parametrize('value', [np.nan, 3e-5])
+@pytest.mark.parametrize('value', [pytest.param(np.nan, marks=pytest.mark.long), 3e-5])
 def test_a_missing_or_constant_magnetometer_is_left_out(
     run, tmp_path: Path, capsys, value
 ) -> None:

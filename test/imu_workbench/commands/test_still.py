@@ -121,7 +121,7 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert 'no such file' in refused(str(tmp_path / 'missing'))
 
 
-@pytest.mark.parametrize('suffix', ['ulg', 'bin'])
+@pytest.mark.parametrize('suffix', ['ulg', pytest.param('bin', marks=pytest.mark.long)])
 def test_logs_with_gps_have_dates(
     suffix: str, writers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from imu_recording import ImuRecording
 from ..campaign import WHITE, run
 
 
-@pytest.mark.parametrize('seed', [3, 5])
+@pytest.mark.parametrize('seed', [3, pytest.param(5, marks=pytest.mark.long)])
 def test_rounding_to_counts_of_four_times_the_noise_is_no_effect(seed: int) -> None:
     still = run(cycles=2, seed=seed, period=1.0)
     count = 4.0 * WHITE['angular_velocity']

@@ -37,7 +37,7 @@ def sweep(seed: int, bend: float) -> ImuRecording:
     )
 
 
-@pytest.fixture(scope='module', params=[0.0, 0.06, 0.1])
+@pytest.fixture(scope='module', params=[0.0, pytest.param(0.06, marks=pytest.mark.long), 0.1])
 def diagnosis(request: pytest.FixtureRequest) -> tuple[float, Diagnosis]:
     return request.param, diagnose([sweep(3, request.param)])
 

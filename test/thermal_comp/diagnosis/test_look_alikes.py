@@ -144,6 +144,7 @@ def test_the_magnetometer_tells_a_tilt_from_a_scale_factor(tilted: Diagnosis) ->
     assert scale.ambiguous_with == ()
 
 
+@pytest.mark.long
 def test_a_tilt_stands_among_the_explanations_of_every_sensor_that_it_turns(
     tilted: Diagnosis,
 ) -> None:

@@ -94,6 +94,7 @@ def test_gravity_acts_on_what_is_proportional_to_it(recordings: list[ImuRecordin
     assert any(row.input.source == 'reference: gravity' for row in gained.budget.rows)
 
 
+@pytest.mark.long
 def test_the_field_acts_on_scale_factors_of_the_magnetometer(
     recordings: list[ImuRecording],
 ) -> None:
@@ -117,6 +118,7 @@ def test_the_field_acts_on_scale_factors_of_the_magnetometer(
     assert 'reference: field' not in silent['slope y'].budget.others
 
 
+@pytest.mark.long
 def test_a_field_that_varies_moves_coefficients_as_a_new_fit(
     recordings: list[ImuRecording],
 ) -> None:

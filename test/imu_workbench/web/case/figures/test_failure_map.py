@@ -19,6 +19,7 @@ def test_the_line_fails_in_the_ramps_and_the_lag_does_not(fitted):
     assert after.worst(1)[0][1] < 2.0
 
 
+@pytest.mark.long
 def test_the_map_has_the_colours_of_the_report(fitted):
     for version in (fitted.line, fitted.lag):
         axis = failure_figure(failure_map(version, VIEW), VIEW)['layout']['coloraxis']
