@@ -46,6 +46,7 @@ def run(folder: Path, **environment: str) -> str:
     ).stdout.strip()
 
 
+@pytest.mark.long
 def test_a_change_anywhere_in_what_was_compiled_in_is_seen(tmp_path: Path) -> None:
     write(tmp_path)
     assert run(tmp_path) == '7.0 1'

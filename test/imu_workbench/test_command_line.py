@@ -79,6 +79,7 @@ def words_of_answers() -> set[str]:
     }  # fmt: skip
 
 
+@pytest.mark.long
 def test_every_word_of_an_answer_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
     words = words_of_answers()
     assert len(words) > 100

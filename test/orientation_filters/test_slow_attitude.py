@@ -75,6 +75,7 @@ def test_an_acceleration_that_persists_is_in_the_covariance(
     assert share > 0.9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', FILTERS)
 def test_a_field_that_is_off_for_half_a_minute_is_in_the_covariance(name: str) -> None:
     found = [honesty(name, *swung(seed, field=20e-6)) for seed in range(6)]

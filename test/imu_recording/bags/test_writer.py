@@ -83,7 +83,7 @@ def recordings(draw: Any) -> ImuRecording:
 
 
 @given(recordings(), st.sampled_from(['mcap', 'sqlite3']))
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_round_trip(recording: ImuRecording, storage: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'bag'

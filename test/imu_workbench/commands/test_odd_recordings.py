@@ -271,7 +271,7 @@ def changed(recording: ImuRecording, changes: Sequence[Change]) -> ImuRecording:
 @pytest.mark.parametrize(
     'name',
     [
-        name if ALL or n % 2 == 0 else pytest.param(name, marks=pytest.mark.long)
+        name if ALL or n % 4 == 0 else pytest.param(name, marks=pytest.mark.long)
         for n, name in enumerate(ODD)
     ],
 )
@@ -303,7 +303,7 @@ odd_changes = st.one_of(
 
 
 @settings(
-    max_examples=300 if ALL else 4,
+    max_examples=300 if ALL else 3,
     deadline=None,
     derandomize=not ALL,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

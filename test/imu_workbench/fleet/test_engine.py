@@ -78,6 +78,7 @@ def test_a_bad_device_is_a_row_with_its_reason(fleet_bags: Path, tmp_path: Path)
     assert all(row[1] for row in rows)
 
 
+@pytest.mark.long
 def test_what_was_written_before_an_interruption_is_not_done_again(
     fleet_bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

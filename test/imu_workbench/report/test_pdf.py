@@ -79,6 +79,7 @@ def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
     assert len(pages(alone)) == 2
 
 
+@pytest.mark.long
 def test_a_page_names_its_own_device_and_no_number_that_is_not_stated(content) -> None:
     plain = content['certificates']['dut1'] | {'residuals': {}, 'allan_deviation': {}}
     other = plain | {

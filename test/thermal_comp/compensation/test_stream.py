@@ -175,7 +175,13 @@ def test_with_each_effect_stream_equals_recording_wherever_it_is_cut(
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * size)
 
 
-@pytest.mark.parametrize('name', DEVICE)
+@pytest.mark.parametrize(
+    'name',
+    [
+        pytest.param(name, marks=pytest.mark.long) if name == 'empirical_term' else name
+        for name in DEVICE
+    ],
+)
 def test_a_restart_without_the_state_says_that_the_history_is_lost(
     name: str, swinging: ImuRecording
 ) -> None:

@@ -34,7 +34,9 @@ def test_every_effect_that_was_asked_has_a_limit_below_the_noise_of_a_block(limi
     assert all(0.0 < rms < 1e-3 for rms in limits.values())
 
 
-@pytest.mark.parametrize(('share', 'found'), [(2.0, True), (0.4, False)])
+@pytest.mark.parametrize(
+    ('share', 'found'), [(2.0, True), pytest.param(0.4, False, marks=pytest.mark.long)]
+)
 def test_the_limit_is_where_a_lag_begins_to_be_found(limits, share, found) -> None:
     diagnosis = diagnose(recordings(share, limits['thermal_lag']))
     assert (diagnosis.sensors['gyroscope'].verdict != 'complete') == found

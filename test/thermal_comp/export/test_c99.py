@@ -119,6 +119,7 @@ def test_all_effects_at_once_share_what_they_follow(tmp_path: Path) -> None:
     assert 'imu_thermal_lag lag[15];' in (tmp_path / 'imu_thermal.h').read_text()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures('compiler')
 def test_bundled_bags_are_compensated_alike(bags: Path, tmp_path: Path) -> None:
     names = ['bias_temperature', 'bias_temperature_curvature', 'thermal_lag', 'thermal_hysteresis']

@@ -60,7 +60,8 @@ def test_two_effects_are_added_where_no_single_one_will_do() -> None:
     assert len(predicted(sweep)) >= 2
 
 
-@pytest.mark.parametrize('seed', [0, pytest.param(5, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize('seed', [0, 5])
 def test_a_random_walk_in_one_sweep_is_no_effect_of_temperature(seed: int) -> None:
     """Smooth in time, it passed for a lag or an empirical term between near neighbours."""
     walk = np.cumsum(np.random.default_rng(seed).standard_normal(len(chamber(1)[1])))

@@ -134,6 +134,7 @@ def test_a_narrow_band_shake_leaves_the_few_still_rows_their_noise() -> None:
     assert noise.per_vibration.all()
 
 
+@pytest.mark.long
 def test_what_was_shaken_along_one_direction_is_no_effect() -> None:
     for seed in range(3):
         diagnosis = diagnose(measured_by([shaken(seed)], SENSOR))

@@ -93,7 +93,9 @@ def test_what_a_better_thermometer_beside_it_tells_is_no_gradient() -> None:
     assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
 
 
-@pytest.mark.parametrize('count', [0.1, 0.25, 0.5])
+@pytest.mark.parametrize(
+    'count', [0.25, *(pytest.param(k, marks=pytest.mark.long) for k in (0.1, 0.5))]
+)
 def test_the_steps_of_a_coarse_thermometer_are_no_effect(count: float) -> None:
     time = np.arange(0.0, 1200.0, 0.1)
     die = 22.0 + 14.0 * (1.0 - np.exp(-time / 240.0)) + 2.0 * np.sin(2.0 * np.pi * time / 400.0)

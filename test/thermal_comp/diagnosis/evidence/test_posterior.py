@@ -90,6 +90,7 @@ def said_of(
     return search_sensors(runs, base, noise, settings)['gyroscope']
 
 
+@pytest.mark.long
 def test_what_the_equation_of_a_large_effect_lacks_is_no_second_effect() -> None:
     """A lag that grows by a fifth towards the cold, as oil and grease do."""
     time, temperature, *_ = chamber()
