@@ -76,3 +76,6 @@ def test_two_stages_do_not_meet_where_one_body_follows_another() -> None:
     lag = found.effects['gyroscope'][1]
     assert lag.stages_are_apart
     assert not with_shape(lag, shape_scales(lag, HOUR), np.log([400.0, 401.0])).stages_are_apart
+    (note,) = bound_notes(found)
+    assert note.startswith('gyroscope: thermal lag two stage: its stages end at ')
+    assert 'one body may follow another' in note

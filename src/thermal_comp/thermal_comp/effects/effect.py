@@ -239,10 +239,15 @@ class Effect:
         return [f for f in fields(self) if f.name in known and not f.metadata.get('given', True)]
 
     @property
+    def stages(self) -> FloatArray:
+        """Return the values of its free parameters, where one stage follows another; else ()."""
+        some = [getattr(self, item.name) for item in self.free_parameters if self.least_ratio]
+        return np.hstack([(), *some])
+
+    @property
     def stages_are_apart(self) -> bool:
-        """Whether each free parameter is `least_ratio` times the one before it."""
-        stages = np.hstack([(), *(getattr(self, item.name) for item in self.free_parameters)])
-        return not self.least_ratio or bool((stages[1:] >= self.least_ratio * stages[:-1]).all())
+        """Whether each stage is `least_ratio` times the one before it."""
+        return bool((self.stages[1:] >= self.least_ratio * self.stages[:-1]).all())
 
     @property
     def variant(self) -> tuple[float, ...]:

@@ -23,8 +23,8 @@ LARGEST_LINE_CYCLES = 0.7
 """Cycles over a run by which the search may move a spectral line."""
 LINE_SPAN_K = 20.0
 """Change of temperature over which its drift may move it by as much [K]."""
-
-
+STAGES_THAT_MEET = 1.01
+"""Ratio of two stages over the least one, up to which a fit has left them at it."""
 Cost = Callable[[FloatArray], float]
 """What parameters on the search scale leave unexplained."""
 
@@ -99,7 +99,7 @@ def with_shape(effect: Effect, scales: list[ShapeScale], values: FloatArray) -> 
 
 
 def bound_notes(design: Design) -> list[str]:
-    """Return one sentence per shape parameter that the search left at an end of its range."""
+    """Return one sentence per limit at which the search left a shape parameter, or two stages."""
     duration = max(float(run.time[-1]) for run in design.runs)
     notes = []
     for term in design.terms:
@@ -114,6 +114,15 @@ def bound_notes(design: Design) -> list[str]:
                     f'{"+".join(term.sensors)}: {name} ends at {value:.4g}, the limit of its '
                     f'range {limits}: another effect may be meant'
                 )
+        stages = term.effect.stages
+        if (stages[1:] < STAGES_THAT_MEET * term.effect.least_ratio * stages[:-1]).any():
+            name = term.effect.name.replace('_', ' ')
+            unit = term.effect.free_parameters[0].metadata['unit']
+            values = ' and '.join(f'{value:.4g}' for value in stages)
+            notes.append(
+                f'{"+".join(term.sensors)}: {name}: its stages end at {values} {unit}, as near '
+                'to each other as they may be: one body may follow another'
+            )
     return notes
 
 
