@@ -16,6 +16,7 @@ from imu_bringup.chain_node import ImuChainNode
 from imu_driver.node import ImuDriverNode
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.ros.exchange import SampleOutput
+from imu_recording.ros.messages import TemperatureSample
 from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -40,6 +41,9 @@ TOPICS = {
 WITHIN = ('-r', 'imu/data_raw:=imu_compensated/data_raw', '-r', 'imu/mag:=imu_compensated/mag')
 FILTERS = (('complementary', ComplementaryFilterNode), ('ahrs', AhrsFilterNode))
 COUNT = 250
+FIRST = 1_700_000_000_000_000_000
+PERIOD = 10_000_000
+DIE_C = 31.0
 
 
 @pytest.fixture(scope='module')
@@ -59,11 +63,11 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> str:
     field = rng.normal((2e-5, 0.0, -4e-5), 1e-7, (COUNT, 3))
     field[1::2] = np.nan
     recording = ImuRecording(
-        stamp=1_700_000_000_000_000_000 + 10_000_000 * np.arange(COUNT),
+        stamp=FIRST + PERIOD * np.arange(COUNT),
         angular_velocity=rng.normal((0.0, 0.1, 0.3), 0.02, (COUNT, 3)),
         linear_acceleration=rng.normal((0.0, 0.0, 9.8), 0.05, (COUNT, 3)),
         magnetic_field=field,
-        temperature=np.full(COUNT, 31.0),
+        temperature=np.full(COUNT, DIE_C),
         frame_id='imu_link',
     )
     folder = tmp_path_factory.mktemp('source') / 'bag'
@@ -107,8 +111,9 @@ def subscribed(node: Any, *topics: str) -> Callable[[], bool]:
 def heard_of_separate_nodes(ros: Any, source: str, model: Path) -> dict[str, list[bytes]]:
     listener = Listener(ros, '/apart')
     place: dict[str, Any] = {'namespace': '/apart'}
+    compensation = ThermalCompNode(parameters={'model': str(model)}, **place)
     nodes = [
-        ThermalCompNode(parameters={'model': str(model)}, **place),
+        compensation,
         *(
             kind(cli_args=['--ros-args', *WITHIN, '-r', f'imu/data:=imu/data_{name}'], **place)
             for name, kind in FILTERS
@@ -116,6 +121,8 @@ def heard_of_separate_nodes(ros: Any, source: str, model: Path) -> dict[str, lis
         ImuDriverNode(parameters={'transport': source}, **place),
     ]
     assert all(node.autostart() for node in nodes)
+    # Over DDS the first sample may come before the first temperature.
+    compensation.on_temperature(TemperatureSample(FIRST - PERIOD, DIE_C))
     run_until([listener.node, *nodes], listener.complete)
     for node in nodes:
         node.end()
