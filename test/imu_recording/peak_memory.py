@@ -12,13 +12,16 @@ def peak_bytes(call: Callable[[], object]) -> int:
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
+        code = 1
         try:
             tracemalloc.start()
             call()
             os.write(writing, str(tracemalloc.get_traced_memory()[1]).encode())
+            code = 0
         finally:
-            os._exit(0)
+            os._exit(code)
     os.close(writing)
-    os.waitpid(child, 0)
+    _, failed = os.waitpid(child, 0)
+    assert not failed, 'the call failed where its memory was measured'
     with os.fdopen(reading) as answer:
         return int(answer.read())

@@ -240,14 +240,15 @@ class Effect:
 
     @property
     def stages(self) -> FloatArray:
-        """Return the values of its free parameters, where one stage follows another; else ()."""
+        """Return its (k,) free parameters, in their unit, if they are stages; else none."""
         some = [getattr(self, item.name) for item in self.free_parameters if self.least_ratio]
         return np.hstack([(), *some])
 
     @property
     def stages_are_apart(self) -> bool:
         """Whether each stage is `least_ratio` times the one before it."""
-        return bool((self.stages[1:] >= self.least_ratio * self.stages[:-1]).all())
+        stages = self.stages
+        return bool((stages[1:] >= self.least_ratio * stages[:-1]).all())
 
     @property
     def variant(self) -> tuple[float, ...]:
