@@ -2,6 +2,7 @@
 """What a user can mend is a UserError; a plain ValueError would end a command as a bug."""
 
 import ast
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,13 @@ PARSERS = {'compression.py', 'ascii.py', 'sample_bytes.py', 'document.py'}
 FILES = sorted(SRC.glob('*/*/**/*.py'))
 
 
+@lru_cache(maxsize=1)
+def nodes_of(path: Path) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
 def names_of(path: Path, kind: type[ast.AST]) -> list[ast.AST]:
-    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kind)]
+    return [node for node in nodes_of(path) if isinstance(node, kind)]
 
 
 @pytest.mark.parametrize('package', sorted({path.relative_to(SRC).parts[0] for path in FILES}))

@@ -147,7 +147,7 @@ def test_a_plain_or_closed_terminal_is_no_traceback() -> None:
     found = subprocess.run(explain, capture_output=True, env=plain, check=False)
     assert (found.returncode, found.stderr) == (0, b'')
     assert b'error = a ?' in found.stdout
-    for command in (f'{" ".join(explain)} >&-', f'{" ".join([*WORKBENCH, "--help"])} | true'):
+    for command in (f'{" ".join(explain)} >&-', f'{" ".join([*explain, "--help"])} | true'):
         done = subprocess.run(['bash', '-c', command], capture_output=True, check=False)
         assert (done.returncode, done.stderr) == (0, b''), command
 

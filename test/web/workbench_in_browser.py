@@ -43,13 +43,12 @@ def compared_by_command(bags: Sequence[Path], model: Path, answer: Path) -> tupl
 
 @pytest.fixture
 def bags(tmp_path: Path) -> list[Path]:
-    """The bags of the hidden effect as of a device that has an accelerometer alone."""
-    for bag in BAGS:
-        recording = read_bag(bag)
-        unknown = np.full((len(recording), 3), np.nan)
-        alone = replace(recording, angular_velocity=unknown, magnetic_field=unknown)
-        write_bag(alone, tmp_path / bag.name)
-    return [tmp_path / bag.name for bag in BAGS]
+    """A bag of the hidden effect as of a device that has an accelerometer alone."""
+    recording = read_bag(BAGS[0])
+    unknown = np.full((len(recording), 3), np.nan)
+    alone = replace(recording, angular_velocity=unknown, magnetic_field=unknown)
+    write_bag(alone, tmp_path / BAGS[0].name)
+    return [tmp_path / BAGS[0].name]
 
 
 def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, bags, tmp_path):

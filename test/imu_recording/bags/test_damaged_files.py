@@ -21,7 +21,7 @@ KINDS = [
     ('sqlite3', 'none'),
     ('sqlite3', 'message'),
 ]
-CASES = 40
+CASES = 25
 
 
 def flip(data: bytearray, rng: random.Random) -> None:

@@ -11,7 +11,7 @@ from orientation_filters.result import JAMMED
 from ..recordings import moving
 
 
-@pytest.mark.parametrize('world_frame', ['enu', 'ned'])
+@pytest.mark.parametrize('world_frame', ['enu', pytest.param('ned', marks=pytest.mark.long)])
 @pytest.mark.parametrize('use_magnetometer', [True, False])
 @pytest.mark.parametrize('preset', ['paper', 'robust'])
 def test_native_equals_filterpy(world_frame: str, use_magnetometer: bool, preset: str) -> None:

@@ -101,7 +101,9 @@ def checked(recording: ImuRecording) -> list[CheckedSample]:
     return samples
 
 
-@pytest.mark.parametrize('world_frame', ['enu', 'ned', 'nwu'])
+@pytest.mark.parametrize(
+    'world_frame', ['enu', *(pytest.param(f, marks=pytest.mark.long) for f in ('ned', 'nwu'))]
+)
 @pytest.mark.parametrize('options', [{'preset': 'paper'}, {'preset': 'paper', 'learn_bias': True}])
 def test_kernel_equals_numpy(world_frame: str, options: dict) -> None:
     parameters = filter_parameters('complementary', world_frame=world_frame, **options)

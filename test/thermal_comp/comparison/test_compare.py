@@ -41,7 +41,13 @@ def test_a_complete_model_reaches_the_noise_floor(bags: Path) -> None:
     assert (accelerometer.r_squared > 0.999).all()
 
 
-@pytest.mark.parametrize('channel', ['supply_voltage', 'humidity', 'chamber_temperature'])
+@pytest.mark.parametrize(
+    'channel',
+    [
+        'supply_voltage',
+        *(pytest.param(c, marks=pytest.mark.long) for c in ('humidity', 'chamber_temperature')),
+    ],
+)
 def test_what_a_channel_does_is_no_noise_before_its_effect_is_known(channel: str) -> None:
     time = chamber()[0]
     course = np.sin(2.0 * np.pi * time / 5000.0) + (time % 9000.0 > 4000.0)

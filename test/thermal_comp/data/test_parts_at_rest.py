@@ -97,28 +97,34 @@ def test_data_whose_axes_were_changed_are_no_turn() -> None:
     assert 'axes or signs had been changed' in found.text
 
 
-def test_a_turn_hides_no_slope_and_adds_no_effect() -> None:
+@pytest.mark.parametrize(
+    ('turn', 'name'),
+    [
+        pytest.param(HALF_TURN, 'orientation_flip', id='half'),
+        pytest.param(TILT, 'moved', id='tilt', marks=pytest.mark.long),
+    ],
+)
+def test_a_turn_hides_no_slope_and_adds_no_effect(turn: np.ndarray, name: str) -> None:
     still = run(cycles=3, seed=4)
-    for turn, name in ((HALF_TURN, 'orientation_flip'), (TILT, 'moved')):
-        moved = turned(still, still.time[-1] / 2.0, turn)
-        model = fit([BiasTemperature()], [moved])
-        for sensor, track in (
-            ('accelerometer', 'linear_acceleration'),
-            ('magnetometer', 'magnetic_field'),
-        ):
-            found, true = model.sensors[sensor], SLOPES[track]
-            std = np.sqrt(np.diag(found.covariance))
-            assert (np.abs(found.coefficients[0][0] - true) < 4.0 * std).all()
-        diagnosis = diagnose([moved])
-        assert [finding.name for finding in diagnosis.findings] == [name]
-        assert {state.verdict for state in diagnosis.sensors.values()} == {'complete'}
-        clean, findings = check_quality([moved])
-        assert len(clean) == 2
-        assert 'moved at' in findings[0].text
-        comparison = compare_prepared(model, prepare([moved]))
-        assert any('2 parts are runs of their own' in note for note in comparison.notes)
-        for sensor in comparison.sensors.values():
-            assert (sensor.held_out_rms < 1.2 * sensor.noise_floor).all()
+    moved = turned(still, still.time[-1] / 2.0, turn)
+    model = fit([BiasTemperature()], [moved])
+    for sensor, track in (
+        ('accelerometer', 'linear_acceleration'),
+        ('magnetometer', 'magnetic_field'),
+    ):
+        found, true = model.sensors[sensor], SLOPES[track]
+        std = np.sqrt(np.diag(found.covariance))
+        assert (np.abs(found.coefficients[0][0] - true) < 4.0 * std).all()
+    diagnosis = diagnose([moved])
+    assert [finding.name for finding in diagnosis.findings] == [name]
+    assert {state.verdict for state in diagnosis.sensors.values()} == {'complete'}
+    clean, findings = check_quality([moved])
+    assert len(clean) == 2
+    assert 'moved at' in findings[0].text
+    comparison = compare_prepared(model, prepare([moved]))
+    assert any('2 parts are runs of their own' in note for note in comparison.notes)
+    for sensor in comparison.sensors.values():
+        assert (sensor.held_out_rms < 1.2 * sensor.noise_floor).all()
 
 
 def test_a_device_that_stands_askew_keeps_the_axis_that_was_stated() -> None:

@@ -34,7 +34,9 @@ def decided(law: np.ndarray) -> SensorAnswer:
     return search_sensors(runs, base, {SENSOR: fit_noise(runs, SENSOR)}, settings)[SENSOR]
 
 
-@pytest.mark.parametrize('bend', [-2.0, 9.0, 30.0])
+@pytest.mark.parametrize(
+    'bend', [30.0, *(pytest.param(b, marks=pytest.mark.long) for b in (-2.0, 9.0))]
+)
 def test_a_line_with_one_bend_is_no_curvature(bend: float) -> None:
     answer = decided(np.maximum(DIE - bend, 0.0))
     assert (answer.kind, answer.named) == ('unexplained', ())

@@ -77,7 +77,7 @@ def test_a_step_in_twenty_minutes_is_named_though_no_other_could_be_tried() -> N
     assert [f.name for f in found.findings if f.sensor == 'gyroscope'][:1] == ['bias_step']
 
 
-@pytest.mark.parametrize('seed', [0, 2])
+@pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.long)])
 def test_two_effects_in_one_ramp_are_both_looked_for(seed: int) -> None:
     # Beside no effect, loud slow noise is likelier and explains as much as they do.
     whole = run('+z', seed=seed, cycles=2)

@@ -77,7 +77,7 @@ def test_a_lost_channel_of_a_user_s_effect_is_suspected_on_its_sensor() -> None:
     assert SensorHypotheses(design, {'barometric': Barometric}).lost_over_time == 'pressure'
 
 
-@pytest.mark.parametrize('channel', ['pressure', 'fan'])
+@pytest.mark.parametrize('channel', ['fan', pytest.param('pressure', marks=pytest.mark.long)])
 def test_what_follows_a_logged_channel_without_an_effect_is_said_to_follow_it(
     channel: str,
 ) -> None:
