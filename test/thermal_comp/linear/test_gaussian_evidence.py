@@ -13,7 +13,7 @@ from thermal_comp.linear.gaussian_evidence import (
     joint_evidence,
 )
 
-ROWS, WIDTH = 40, 9
+ROWS, WIDTH = 40, 12
 
 
 @pytest.fixture
@@ -50,6 +50,8 @@ def equations(rows):
 
 OWN = CoefficientPrior((0, 1), shared=False, deviation=np.array([2.0, 5.0]))
 SHARED = CoefficientPrior((3, 4), shared=True, deviation=np.array([30.0, 1.0]))
+MANY = CoefficientPrior((0, 1, 3, 4, 8, 9, 10), shared=True, deviation=np.geomspace(0.1, 30.0, 7))
+"""More than a form has over the axes."""
 
 
 @pytest.mark.parametrize('priors', [(), (OWN,), (SHARED,), (OWN, SHARED)])
@@ -61,7 +63,7 @@ def test_what_is_integrated_out_counts_as_in_the_dense_covariance(rows, priors):
 
 
 @pytest.mark.parametrize('shared', [False, True])
-@pytest.mark.parametrize('priors', [(), (OWN,), (SHARED,), (OWN, SHARED)])
+@pytest.mark.parametrize('priors', [(), (OWN,), (SHARED,), (OWN, SHARED), (MANY,)])
 def test_every_form_at_every_width_counts_as_in_the_dense_covariance(rows, priors, shared):
     state = conditioned(*equations(rows), priors)
     forms, widths = np.array([[2, 5], [6, 7]]), np.array([0.5, 40.0])

@@ -123,7 +123,8 @@ class ConditionedDesign:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return eigenvalues (f, q) of forms' products, (f, q) right-hand sides, (f, q, k) half.
 
-        What couples axes, or a form's columns to coefficients that axes share, stays in `half`.
+        What couples axes, or a form's columns to coefficients that axes share, stays in `half`
+        where those are fewer than the form's own; else all its products are diagonalised.
         """
         forms = len(columns)
         blocks, right = self.blocks(columns), self.right[:, columns]
@@ -133,6 +134,8 @@ class ConditionedDesign:
             right, half = right * relative, half * relative[:, None, :]
         if shared:
             blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
+        if 0 < right.shape[0] * right.shape[2] <= half.shape[2]:
+            blocks, right, half = _whole(blocks, right, half)
         # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
         values, vectors = _eigen(blocks)
         values = np.maximum(values.transpose(1, 0, 2), 0.0, order='C').reshape(forms, -1)
@@ -140,6 +143,20 @@ class ConditionedDesign:
         half = np.einsum('afij,afki->fajk', vectors, half, order='C')
         half = half.reshape(*values.shape, half.shape[3])
         return values, right, half
+
+
+def _whole(
+    blocks: FloatArray, right: FloatArray, half: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return blocks (a, f, p, p), right (a, f, p), half (a, f, k, p) as one block, k taken out."""
+    axes, forms, size = right.shape
+    joined = half.transpose(1, 0, 3, 2).reshape(forms, axes * size, -1)
+    left = -joined @ joined.transpose(0, 2, 1)
+    for axis in range(axes):
+        own = slice(axis * size, (axis + 1) * size)
+        left[:, own, own] += blocks[axis]
+    whole = right.transpose(1, 0, 2).reshape(1, forms, axes * size)
+    return left[None], whole, np.zeros((1, forms, 0, axes * size))
 
 
 def _eigen(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
