@@ -91,7 +91,9 @@ def test_every_word_of_an_answer_is_explained(capsys: pytest.CaptureFixture[str]
 
 LONG_VERBS = (
     ['simulate', 'paper_betta2022', '--rate', '20', '-o', '{out}'],
-    ['auto', '{bags}/dut1_x', '{bags}/dut1_y', '-o', '{out}.yaml'],
+    pytest.param(
+        ['auto', '{bags}/dut1_x', '{bags}/dut1_y', '-o', '{out}.yaml'], marks=pytest.mark.long
+    ),
     ['report', '{bags}/dut1_x', '{bags}/dut1_y', '-o', '{out}.html'],
 )
 
