@@ -20,7 +20,7 @@ from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.covariance import noise_product
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.kept_results import kept
-from thermal_comp.noise.process import OU_TIME_CONSTANTS, ResidualSpectrum, project_spectra
+from thermal_comp.noise.process import ResidualSpectrum, correlation_times, project_spectra
 from thermal_comp.noise.projection import (
     LEAST_BLOCKS,
     FurtherColumns,
@@ -117,8 +117,9 @@ def _noise_beside(
     beyond = not_followed(runs, sensor, effects, model)
     furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
     vibration = noise_of_vibration(runs, sensor, model, furthers)
+    times = correlation_times(max(float(run.time[-1] - run.time[0]) for run in runs))
     spectra = [
-        _spectrum(run, sensor, model, further, vibration)
+        _spectrum(run, sensor, model, further, vibration, times)
         for run, further in zip(runs, furthers, strict=True)
     ]
     named = {
@@ -174,6 +175,7 @@ def _spectrum(
     model: SaturatedModel,
     further: FurtherColumns,
     vibration: VibrationNoise,
+    time_constants: FloatArray,
 ) -> ResidualSpectrum | None:
     """Return the spectrum of a run less the model, `further` columns and jumps.
 
@@ -184,10 +186,10 @@ def _spectrum(
     if valid.sum() < LEAST_BLOCKS:
         return None
     values, shaking = values[valid], vibration.shaking(run, valid)
-    projection = projection_of(run, valid, model, further, shaking)
+    projection = projection_of(run, valid, model, further, shaking, time_constants)
     weights = np.ones(len(values)) if shaking is None else shaking.weights
     slot, known = projection.slot, projection.basis
     basis = basis_with_jumps(weights[:, None] * values, slot, known, weights)
     if basis is not known:
-        projection = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period, shaking)
+        projection = project_spectra(slot, basis, time_constants, run.period, shaking)
     return projection.spectrum_of(values)

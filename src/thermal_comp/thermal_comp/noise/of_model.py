@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
@@ -48,7 +49,10 @@ def noise_of_model(
     """
     vibration = VibrationNoise.of_model(extrapolated, runs[0].period)
     repeatable = replace(saturated_model(runs, sensor), over_time=False)
-    spectra = [_spectrum(run, sensor, repeatable, tuple(effects), vibration) for run in runs]
+    spectra = [
+        _spectrum(run, sensor, repeatable, tuple(effects), vibration, extrapolated.time_constants)
+        for run in runs
+    ]
     if any(spectrum is None for spectrum in spectra):
         return extrapolated
     factors = extrapolated.white_factors
@@ -80,6 +84,7 @@ def _spectrum(
     repeatable: SaturatedModel,
     effects: tuple[Effect, ...],
     vibration: VibrationNoise,
+    time_constants: FloatArray,
 ) -> ResidualSpectrum | None:
     values = run.measured[sensor]
     valid = run.valid(sensor)
@@ -88,4 +93,5 @@ def _spectrum(
     beside = not_followed([run], sensor, effects, repeatable)
     further = {(sensor, effect): run.columns(effect, sensor) for effect in beside}
     shaking = vibration.shaking(run, valid)
-    return projection_of(run, valid, repeatable, further, shaking).spectrum_of(values[valid])
+    projection = projection_of(run, valid, repeatable, further, shaking, time_constants)
+    return projection.spectrum_of(values[valid])

@@ -15,6 +15,16 @@ from thermal_comp.model.values import NoiseModel
 
 OU_TIME_CONSTANTS = np.geomspace(30.0, 40_000.0, 7)
 """Correlation times [s] of the processes whose sum approximates flicker noise."""
+CORRELATED_SHARE = 0.9
+"""Share of the longest run over which the slowest is correlated, at least: over days the biases of
+MEMS walk at random (IEEE 952), which a process that forgets in half a day does not."""
+
+
+def correlation_times(longest: float) -> FloatArray:
+    """Return (7,) correlation times [s] of the processes that are fitted to runs up to so long."""
+    shortest, usual = OU_TIME_CONSTANTS[[0, -1]]
+    slowest = max(usual, CORRELATED_SHARE * longest)
+    return np.geomspace(shortest, slowest, len(OU_TIME_CONSTANTS))
 
 
 def process_autocovariance(time_constants: FloatArray, period: float, lags: int) -> FloatArray:
@@ -86,6 +96,8 @@ class ResidualSpectrum:
     """(f,) degrees of freedom: share of white power left, times share of slots present."""
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
+    time_constants: FloatArray
+    """(k,) correlation times of the processes [s]."""
 
     def with_white(self, factor: float) -> ResidualSpectrum:
         """Return the spectrum of a run whose white noise is larger by a factor than the unit."""
@@ -112,6 +124,7 @@ class Projection:
     expected: FloatArray
     weight: FloatArray
     shaken: FloatArray
+    time_constants: FloatArray
     shaking: Shaking | None = None
 
     def spectrum_of(self, values: FloatArray) -> ResidualSpectrum:
@@ -124,6 +137,7 @@ class Projection:
             expected=self.expected,
             weight=self.weight,
             shaken=self.shaken,
+            time_constants=self.time_constants,
         )
 
 
@@ -167,7 +181,13 @@ def project_spectra(
     weight = rows / length * np.clip(share, 0.0, 1.0)
     weight[0] *= 0.5
     return Projection(
-        slot=slot, basis=basis, expected=expected, weight=weight, shaken=shaken, shaking=shaking
+        slot=slot,
+        basis=basis,
+        expected=expected,
+        weight=weight,
+        shaken=shaken,
+        time_constants=time_constants,
+        shaking=shaking,
     )
 
 

@@ -39,18 +39,19 @@ def projection_of(
     basis: Basis,
     further: FurtherColumns,
     shaking: Shaking | None = None,
+    time_constants: FloatArray = OU_TIME_CONSTANTS,
 ) -> Projection:
     """Return the projection that takes basis and further columns out of the valid rows.
 
-    `shaking` is that of the valid rows.
+    `shaking` is that of the valid rows; the time constants are those of the noise.
     """
     kept = _PROJECTIONS.setdefault(run, {})
     weights = b'' if shaking is None else shaking.weights.tobytes()
-    key = (basis, valid.tobytes() + weights, tuple(further))
+    key = (basis, valid.tobytes() + weights + time_constants.tobytes(), tuple(further))
     if key not in kept:
         columns = basis_of_rows(run, valid, basis, further, shaking)
         slot = run.slot[valid] - run.slot[valid][0]
-        kept[key] = project_spectra(slot, columns, OU_TIME_CONSTANTS, run.period, shaking)
+        kept[key] = project_spectra(slot, columns, time_constants, run.period, shaking)
     return kept[key]
 
 

@@ -66,7 +66,7 @@ def fit_noise_to_spectra(
     added = variances[slow.stop :] if len(levels) else np.zeros((1, 3))
     return NoiseModel(
         white=np.sqrt(variances[0] * scale),
-        time_constants=OU_TIME_CONSTANTS,
+        time_constants=spectra[0].time_constants,
         amplitudes=np.sqrt(variances[slow] * scale),
         per_vibration=added[0] * scale,
         still_vibration=vibration.still,
