@@ -98,6 +98,19 @@ def test_a_track_that_cannot_be_is_named_and_left_out(track: str, value: float) 
     assert np.isnan(getattr(clean[0], track)[10:30]).all()
 
 
+@pytest.mark.parametrize('rows', [3000, 40])
+def test_what_a_motor_shakes_has_no_spikes_but_the_rest_may_have(rows: int) -> None:
+    rng = np.random.default_rng(9)
+    still = run('+z', period=1.0).rows(slice(rows))
+    n = len(still)
+    shaken = np.where(np.arange(n) % 1000 < 300, 30.0, 1.0) if n > 1000 else np.ones(n)
+    force = still.linear_acceleration + 1e-2 * shaken[:, None] * rng.normal(size=(n, 3))
+    at = np.array([20]) if n < 1000 else np.array([500, 777, 1600, 2900])
+    force[at, 1] += 2.0
+    _, found = check_recording(replace(still, linear_acceleration=force), 'shaken')
+    assert [(f.name, f.sensor, f.rows) for f in found] == [('spikes', 'accelerometer', len(at))]
+
+
 def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
     rng = np.random.default_rng(8)
     still = run('+z')

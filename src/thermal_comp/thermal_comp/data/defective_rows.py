@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from imu_recording.jit import njit
-from imu_recording.recording import FloatArray, ImuRecording
+from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.rounding import coarse_counts, some_rows
@@ -26,6 +26,8 @@ SLOW_PERIOD_S = 2.0
 """[s]."""
 LEAST_TEMPERATURE_SPIKE_K = 3.0
 """Distance of a die temperature from its neighbours, at least, in a spike [K]."""
+SPIKE_STRETCH_ROWS = 64
+"""Rows of a stretch whose own noise counts: a motor may run in it."""
 OTHER_AXES_SIGMA = 6.0
 """Distance of the other axes, at most, in a spike: a bit went wrong on one axis."""
 LEAST_PULSE_SHARE = 0.02
@@ -131,10 +133,32 @@ def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
     if len(at):
         before, here, after = values[at - 1], values[at], values[at + 1]
         jump = np.abs(here - 0.5 * (before + after))
+        sigma = np.maximum(sigma, _sigma_around(values, at))
         alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
         single = (jump > OTHER_AXES_SIGMA * sigma).sum(axis=1) == 1
         spikes[at] = alone.any(axis=1) & single
     return spikes
+
+
+def _sigma_around(values: FloatArray, rows: IntArray) -> FloatArray:
+    """Return (k, axes) robust deviations from both neighbours around k rows of (n, axes) values.
+
+    It is the largest of three stretches, that of the row and those beside it: a device that is
+    shaken for a while has no spikes.
+    """
+    length = min(SPIKE_STRETCH_ROWS, len(values) - 2)
+    count = (len(values) - 2) // length
+    stretch = np.minimum((rows - 1) // length, count - 1)
+    found = np.empty((len(rows), values.shape[1]))
+    for some in np.array_split(np.unique(stretch), len(rows) // length + 1):
+        near = np.clip(some[:, None] + np.arange(-1, 2), 0, count - 1)
+        index = 1 + length * near[:, :, None] + np.arange(length)
+        jump = values[index] - 0.5 * (values[index - 1] + values[index + 1])
+        away = np.nan_to_num(np.abs(jump), posinf=0.0)
+        around = 1.4826 * np.median(away, axis=2).max(axis=1)
+        here = np.isin(stretch, some)
+        found[here] = around[np.searchsorted(some, stretch[here])]
+    return found
 
 
 def temperature_spikes(recording: ImuRecording) -> BoolArray:
