@@ -37,7 +37,11 @@ def decays_after_gaps(time: FloatArray) -> FloatArray:
     """
     since = time[:, None] - ends_of_long_gaps(time)
     decays = [
-        np.where((since >= 0.0) & (since < DECAY_LENGTH * seconds), np.exp(-since / seconds), 0.0)
+        np.where(
+            (since >= 0.0) & (since < DECAY_LENGTH * seconds),
+            np.exp(-np.maximum(since, 0.0) / seconds),
+            0.0,
+        )
         for seconds in DECAY_TIMES_S
     ]
     return np.concatenate(decays, axis=1)

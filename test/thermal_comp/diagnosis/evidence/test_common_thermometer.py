@@ -78,3 +78,15 @@ def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> N
         information_of_others(searched, set(searched))['accelerometer'].normal,
     )
     assert information_of_others(searched, ()) == {}
+
+
+def test_what_a_lag_looks_like_has_a_name_that_can_be_added() -> None:
+    """Where the air was not logged, a gradient is guessed: it fits, and no model can have it."""
+    runs = prepare(late(15.0))
+    base = {'gyroscope': (EFFECTS['bias_temperature'](),)}
+    noise = determined_noise(runs, base)[0]
+    for names in (('thermal_gradient',), ('thermal_gradient', 'temperature_rate')):
+        settings = Settings({name: EFFECTS[name] for name in names})
+        answer = search_sensors(runs, base, noise, settings)['gyroscope']
+        assert answer.hypotheses.guesses
+        assert {effect.name for effect in answer.closest} <= {'temperature_rate'}

@@ -142,5 +142,9 @@ def like_the_thermometer(
     nothing = next(some for some in sets if not some.components)
     found = additions_to(hypotheses, nothing, thermometer=False).values()
     forms = [(one.peak, one.component.form.effect) for one in found]
-    alike = [f for f in forms if f[1].kin == 'temperature' and not f[1].needs]
+    alike = [
+        (peak, effect)
+        for peak, effect in forms
+        if effect.kin == 'temperature' and not (effect.needs or effect.guessed_channel)
+    ]
     return tuple(effect for _, effect in sorted(alike, key=lambda one: -one[0])[:1])
