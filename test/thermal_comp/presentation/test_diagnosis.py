@@ -40,6 +40,25 @@ def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
             'leave temperature_rate out of the model',
         ),
         (
+            Finding(
+                'effect',
+                'fixture_tilt',
+                'accelerometer',
+                0.0,
+                ambiguous_with=('thermal_lag',),
+                error_before=8.38e-4,
+                error_after=8.48e-4,
+                noise_floor=6.53e-4,
+            ),
+            'fixture_tilt or thermal_lag (accelerometer)',
+            '  next: separate them first: python -m imu_workbench next-experiment fixture_tilt',
+        ),
+        (
+            Finding('unlogged', None, 'magnetometer', 99.0, depends_on='chamber'),
+            'depends on chamber (magnetometer)',
+            'log what switches near the device (chamber/heater, chamber/compressor)',
+        ),
+        (
             Finding('unlogged', None, 'magnetometer', 99.0, depends_on='supply'),
             'depends on supply (magnetometer)',
             'log imu/supply_voltage',

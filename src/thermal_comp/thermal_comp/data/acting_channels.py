@@ -83,3 +83,9 @@ def topics_to_log(variable: str | None, catalogue: Mapping[str, type[Effect]]) -
     acting = {channel for sensor in SENSORS for channel in acting_on(sensor, catalogue)}
     idle = {channel.label for channel in ACTING_CHANNELS if channel not in acting}
     return [topic for label, topic in topics.items() if label not in idle]
+
+
+def what_to_log(variable: str | None, catalogue: Mapping[str, type[Effect]]) -> str:
+    """Return what to log where a variable was missing; not every device is in a chamber."""
+    topics = ', '.join(topics_to_log(variable, catalogue))
+    return f'what switches near the device ({topics})' if variable == 'chamber' else topics

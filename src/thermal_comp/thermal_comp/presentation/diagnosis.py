@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thermal_comp.data.acting_channels import topics_to_log
+from thermal_comp.data.acting_channels import what_to_log
 from thermal_comp.data.improvement import rises
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT_UNIT
@@ -265,17 +265,18 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
     before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
-    if kind == 'effect' and rises(before, after):
-        return [f'leave {name} out of the model: its correction raises the held-out error']
     if kind == 'effect':
-        add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
         rivals = finding['ambiguous_with']
-        if rivals:
-            separate = f'next-experiment {name} {rivals[0]} --model MODEL -o plan.yaml'
-            return [add, f'or separate them first: python -m imu_workbench {separate}']
-        return [add]
+        separate = f'next-experiment {name} {"".join(rivals[:1])} --model MODEL -o plan.yaml'
+        separately = [f'separate them first: python -m imu_workbench {separate}'] if rivals else []
+        if 0.0 < before <= after:
+            effect = 'raises' if rises(before, after) else 'does not lower'
+            leave = f'leave {name} out of the model: its correction {effect} the held-out error'
+            return [leave, *separately]
+        add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
+        return [add, *(f'or {line}' for line in separately)]
     if kind == 'unlogged':
-        return [f'log {", ".join(topics_to_log(variable, EFFECTS))} and record again']
+        return [f'log {what_to_log(variable, EFFECTS)} and record again']
     if kind == 'unexplained':
         return [f'look at the residual over {variable}: python -m imu_workbench compare BAG…']
     if kind == 'noise':

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from thermal_comp.data.acting_channels import topics_to_log
+from thermal_comp.data.acting_channels import what_to_log
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT_UNIT
 from thermal_comp.presentation.diagnosis import DEFECT_REMEDIES, doubtful_sensors, percent
@@ -210,8 +210,7 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
         return Action('certificate')
     first = findings[0]
     if first['kind'] == 'unlogged':
-        topics = ', '.join(topics_to_log(first['depends_on'], EFFECTS))
-        return Action('log', f'Log {topics} and record again.')
+        return Action('log', f'Log {what_to_log(first["depends_on"], EFFECTS)} and record again.')
     if first['kind'] == 'changed':
         return Action('look', 'Fit the device anew: begin a case with a line per axis.')
     if first['kind'] != 'effect':
