@@ -14,10 +14,8 @@ from anyreader_columns import columns
 
 from imu_recording import read_bag, write_bag
 
-BAGS = [
-    'dut1_x',
-    pytest.param('dut1_motion', marks=pytest.mark.long),
-]  # the others are written alike
+BAGS = ['dut1_x', pytest.param('dut1_motion', marks=pytest.mark.long)]
+"""The others are written alike."""
 
 WITHOUT_ROS = """
 import sys

@@ -16,7 +16,7 @@ WHITE = 3e-4
 
 
 def three_days(seed: int, *, walk: float, drift: float) -> ImuRecording:
-    """A gyroscope out of doors, a row a minute: noise, steps of a walk and a drift, in WHITE."""
+    """A gyroscope out of doors, a row a minute; steps of a walk and a drift in units of WHITE."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, 3.0 * DAY_S, 60.0)
     swing = np.sin(2.0 * np.pi * time / DAY_S) + 0.4 * np.sin(2.0 * np.pi * time / 31e3)

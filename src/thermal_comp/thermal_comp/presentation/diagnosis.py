@@ -266,15 +266,16 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
         return ['stamp the samples by the host, or scale the interval by temperature']
     before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
     if kind == 'effect':
-        rivals = finding['ambiguous_with']
-        separate = f'next-experiment {name} {"".join(rivals[:1])} --model MODEL -o plan.yaml'
-        separately = [f'separate them first: python -m imu_workbench {separate}'] if rivals else []
-        if 0.0 < before <= after:
+        first = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
+        if not_lowered := 0.0 < before <= after:
             effect = 'raises' if rises(before, after) else 'does not lower'
-            leave = f'leave {name} out of the model: its correction {effect} the held-out error'
-            return [leave, *separately]
-        add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
-        return [add, *(f'or {line}' for line in separately)]
+            first = f'leave {name} out of the model: its correction {effect} the held-out error'
+        rivals = finding['ambiguous_with']
+        if not rivals:
+            return [first]
+        separate = f'next-experiment {name} {rivals[0]} --model MODEL -o plan.yaml'
+        either = '' if not_lowered else 'or '
+        return [first, f'{either}separate them first: python -m imu_workbench {separate}']
     if kind == 'unlogged':
         return [f'log {what_to_log(variable, EFFECTS)} and record again']
     if kind == 'unexplained':
