@@ -4,6 +4,7 @@
 import numpy as np
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
+from thermal_comp.noise.process import correlation_times
 from thermal_comp.noise.projection import not_followed, projection_of
 from thermal_comp.noise.saturated_model import SaturatedModel
 
@@ -23,9 +24,10 @@ def test_a_projection_takes_out_the_basis_and_what_is_beside_it_and_is_kept() ->
     valid = np.arange(len(prepared)) > 10
     step, repeatable = EFFECTS_TRIED[1], SaturatedModel(over_time=False)
     further = {('gyroscope', step): prepared.columns(step, 'gyroscope')}
-    found = projection_of(prepared, valid, repeatable, further)
-    assert projection_of(prepared, valid, repeatable, further) is found
-    alone = projection_of(prepared, valid, repeatable, {})
+    times = correlation_times(float(prepared.time[-1]))
+    found = projection_of(prepared, valid, repeatable, further, None, times)
+    assert projection_of(prepared, valid, repeatable, further, None, times) is found
+    alone = projection_of(prepared, valid, repeatable, {}, None, times)
     assert found.basis.shape[1] == alone.basis.shape[1] + 1
     left = found.spectrum_of(prepared.columns(step, 'gyroscope').reshape(-1, 1)[valid])
     assert left.periodogram.max() < 1e-12

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, project_out
-from thermal_comp.noise.process import OU_TIME_CONSTANTS, Projection, Shaking, project_spectra
+from thermal_comp.noise.process import Projection, Shaking, project_spectra
 from thermal_comp.noise.saturated_model import joined_basis
 
 LEAST_BLOCKS = 30
@@ -38,12 +38,12 @@ def projection_of(
     valid: NDArray[np.bool_],
     basis: Basis,
     further: FurtherColumns,
-    shaking: Shaking | None = None,
-    time_constants: FloatArray = OU_TIME_CONSTANTS,
+    shaking: Shaking | None,
+    time_constants: FloatArray,
 ) -> Projection:
     """Return the projection that takes basis and further columns out of the valid rows.
 
-    `shaking` is that of the valid rows; the time constants are those of the noise.
+    `shaking` is that of the valid rows; the time constants (k,) [s] are those of the noise.
     """
     kept = _PROJECTIONS.setdefault(run, {})
     weights = b'' if shaking is None else shaking.weights.tobytes()

@@ -264,17 +264,14 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
         return []
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
-    before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
     if kind == 'effect':
-        first = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
-        if not_lowered := 0.0 < before <= after:
-            effect = 'raises' if rises(before, after) else 'does not lower'
-            first = f'leave {name} out of the model: its correction {effect} the held-out error'
+        left_out = better_left_out(finding)
+        first = left_out or f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
         rivals = finding['ambiguous_with']
         if not rivals:
             return [first]
         separate = f'next-experiment {name} {rivals[0]} --model MODEL -o plan.yaml'
-        either = '' if not_lowered else 'or '
+        either = '' if left_out else 'or '
         return [first, f'{either}separate them first: python -m imu_workbench {separate}']
     if kind == 'unlogged':
         return [f'log {what_to_log(variable, EFFECTS)} and record again']
@@ -283,6 +280,16 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     if kind == 'noise':
         return ['noise cannot be compensated: compare with another unit (--noise-reference MODEL)']
     return [f'{name}: {DEFECT_REMEDIES[name]}'] if name in DEFECT_REMEDIES else []
+
+
+def better_left_out(finding: Mapping[str, Any]) -> str:
+    """Return the advice to leave an effect out where its correction does not help, else ''."""
+    before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
+    if finding['kind'] != 'effect' or not 0.0 < before <= after:
+        return ''
+    change = 'raises' if rises(before, after) else 'does not lower'
+    name = finding['name']
+    return f'leave {name} out of the model: its correction {change} the held-out error'
 
 
 text = diagnosis_text

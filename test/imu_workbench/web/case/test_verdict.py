@@ -75,6 +75,16 @@ def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
     assert (action.kind, action.rivals) == ('experiment', (LAG, 'thermal_gradient'))
 
 
+def test_an_effect_that_helps_comes_next_before_one_that_does_not(fitted, found):
+    useless = changed(found, error_after=2.0 * found['diagnosis']['findings'][0]['error_before'])
+    assert next_action(useless, KNOWN, KNOWN) == Action(
+        'look', 'Leave thermal lag out of the model: its correction raises the held-out error.'
+    )
+    useful = useless['findings'][0] | {'sensor': 'gyroscope', 'error_after': 0.0}
+    both = useless | {'findings': [*useless['findings'], useful]}
+    assert next_action(both, KNOWN, KNOWN) == Action('add', '', LAG, ('gyroscope',))
+
+
 def test_what_is_probably_missing_and_too_little_to_say_is_no_nothing(fitted, found):
     doubt = {'sensor': 'gyroscope', 'names': ['nothing'], 'probability': 0.21, 'depends_on': None}
     complete = found['diagnosis'] | {

@@ -11,7 +11,12 @@ from typing import Any, Literal
 from thermal_comp.data.acting_channels import what_to_log
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT_UNIT
-from thermal_comp.presentation.diagnosis import DEFECT_REMEDIES, doubtful_sensors, percent
+from thermal_comp.presentation.diagnosis import (
+    DEFECT_REMEDIES,
+    better_left_out,
+    doubtful_sensors,
+    percent,
+)
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.case.version import parameter_text
@@ -208,7 +213,7 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
     findings = _physical(found)
     if not findings:
         return Action('certificate')
-    first = findings[0]
+    first = next((f for f in findings if not better_left_out(f)), findings[0])
     if first['kind'] == 'unlogged':
         return Action('log', f'Log {what_to_log(first["depends_on"], EFFECTS)} and record again.')
     if first['kind'] == 'changed':
@@ -225,6 +230,8 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
         return Action(
             kind='experiment', text='', effect=effect, sensors=sensors, rivals=(effect, rivals[0])
         )
+    if left_out := better_left_out(first):
+        return Action('look', f'{_capital(spaced(left_out))}.')
     return Action('add', '', effect, sensors)
 
 
