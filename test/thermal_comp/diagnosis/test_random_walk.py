@@ -38,7 +38,13 @@ def three_days(seed: int, *, walk: float, drift: float) -> ImuRecording:
 
 @pytest.mark.parametrize(
     ('seed', 'walk', 'drift', 'names'),
-    [(2, 0.03, 0.0, ()), (3, 0.03, 0.0, ()), (2, 0.0, 1.0, ('bias_drift',))],
+    [
+        (2, 0.03, 0.0, ()),
+        (3, 0.03, 0.0, ()),
+        (4, 0.1, 0.0, ()),  # what is seen of it is a drift of five of the noise's σ
+        (6, 0.1, 0.0, ()),
+        (2, 0.0, 1.0, ('bias_drift',)),
+    ],
 )
 def test_a_walk_is_no_drift(seed: int, walk: float, drift: float, names: tuple[str, ...]) -> None:
     recording = three_days(seed, walk=walk, drift=drift)

@@ -15,8 +15,8 @@ from thermal_comp.diagnosis.evidence.priors import (
 
 
 @pytest.mark.parametrize('alternatives', [SLOW_NOISE_RATIOS, THERMOMETER_LAGS_S])
-def test_alternatives_share_one(alternatives: tuple[tuple[float, float], ...]) -> None:
-    assert sum(probability for _, probability in alternatives) == pytest.approx(1.0)
+def test_alternatives_share_one(alternatives: tuple[tuple[float, ...], ...]) -> None:
+    assert sum(probability for *_, probability in alternatives) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize('explained', [0.0, 10.0, 300.0, 1e5])

@@ -56,14 +56,15 @@ def nuisance_priors(
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
-    for (excess, noisy), (seconds, slack) in product(
+    slowness = 1.0 + np.arange(len(size)) % _directions_per_run(design)
+    for (excess, power, noisy), (seconds, slack) in product(
         priors.SLOW_NOISE_RATIOS, priors.THERMOMETER_LAGS_S
     ):
         deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
         allowed += unread
         if excess > 0.0:
-            deviation = np.sqrt(excess) * size
+            deviation = np.sqrt(excess * slowness**-power) * size
             allowed.append(CoefficientPrior(slow.columns, shared=False, deviation=deviation))
         alternatives.append((float(np.log(noisy * slack)), allowed))
     return alternatives
@@ -93,15 +94,22 @@ def _between_counts(design: CandidateDesign, response: Response | None) -> list[
     return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
 
 
+def _directions_per_run(design: CandidateDesign) -> int:
+    return max(DIRECTIONS, DIRECTIONS_OF_ALL // len(design.source.runs))
+
+
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
-    """(m, 3, q) strongest directions of the slow part of the fitted noise, unit variance each."""
+    """(m, 3, q) strongest directions of the slow part of the fitted noise, unit variance each.
+
+    The slowest comes first.
+    """
     noise = design.noise.of_run(run.name)
     longest = max(float(some.time[-1]) for some in design.source.runs)
     slow = noise.time_constants >= longest * priors.SLOW_NOISE_SHARE
     support = np.linspace(run.time[0], run.time[-1], min(len(run.time), COVARIANCE_INSTANTS))
     apart = np.abs(support[:, None] - support)
     each = np.exp(-apart[None] / noise.time_constants[slow][:, None, None])
-    count = max(DIRECTIONS, DIRECTIONS_OF_ALL // len(design.source.runs))
+    count = _directions_per_run(design)
     columns = np.empty((len(run.time), 3, count))
     for axis in range(3):
         covariance = np.tensordot(noise.amplitudes[slow, axis] ** 2, each, axes=1)
@@ -117,9 +125,9 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
     """Return the columns of the die thermometer's errors; axes share their coefficients.
 
     They are its lag (first and second order), slow nodes, hysteresis of the reading and of a die
-    in the air, shares of the temperatures of air and board, transients after power-on, with the
-    priors of priors.thermometer_deviations(). `response` says what an error does; None: the slope
-    over temperature times the error.
+    in the air, shares of the temperatures of air and board and of a die that follows them,
+    transients after power-on, with the priors of priors.thermometer_deviations(). `response` says
+    what an error does; None: the slope over temperature times the error.
     """
     response = response or TemperatureSlope.of(design).response
     columns = partial(_responses, response)
@@ -147,7 +155,9 @@ def _settling(conditions: Conditions) -> FloatArray:
 
 
 def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
-    """(n, q) plays about the reading, one about a die in the air; air, board − reading [K].
+    """(n, q) plays about the reading, one about a die in the air; others − reading [K].
+
+    The others are air, board, and a die that follows them as the reading does.
 
     Plays of several widths together are any hysteresis (Prandtl–Ishlinskii). That about a die in
     the air counts in dwells: the die follows the swings of the air's control, which are smaller
@@ -165,7 +175,26 @@ def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
         air = _air_by_humidity(conditions)
     board = conditions.device_temperature
     board = temperature if board is None else board
-    return np.stack([*behind, unseen, air - temperature, board - temperature], axis=1)
+    others = [air, board, _die_by_others(conditions)]
+    return np.stack([*behind, unseen, *(other - temperature for other in others)], axis=1)
+
+
+def _die_by_others(conditions: Conditions) -> FloatArray:
+    """(n,) temperature of a die that follows air and board as the reading does [°C].
+
+    What it is beyond the reading is what the reading does not say, as between the counts of a
+    coarse thermometer, or what smoothing takes out of a noisy one. It warms itself after power-on.
+    The reading itself where no other thermometer was logged.
+    """
+    others = [conditions.chamber_temperature, conditions.device_temperature]
+    logged = [other for other in others if other is not None]
+    if not logged:
+        return conditions.temperature
+    lags = priors.THERMOMETER_PARTS_S
+    dies = [follow(conditions.time, other, lag)[0] for other in logged for lag in lags]
+    columns = np.column_stack([np.ones_like(dies[0]), *dies, _settling(conditions)])
+    told = np.linalg.lstsq(columns, conditions.temperature, rcond=LEAST_NEW_LENGTH)[0]
+    return np.asarray(columns @ told)
 
 
 def _air_by_humidity(conditions: Conditions) -> FloatArray:

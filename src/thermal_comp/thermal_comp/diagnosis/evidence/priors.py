@@ -80,9 +80,11 @@ CHANNEL_FLAWED_PROBABILITY = 0.3
 """That what an effect lacks is an error of the channel that it follows, noise or another place, or
 of the amplitude of its line, which comes and goes with its cause."""
 
-SLOW_NOISE_RATIOS = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
-"""Slow noise beyond the fitted one, in units of its variance, with probabilities: what a few
-periods tell of a variance is right to a factor of two to four."""
+SLOW_NOISE_RATIOS = ((0.0, 0.0, 0.5), (3.0, 0.0, 0.3), (15.0, 2.0, 0.2))
+"""Slow noise beyond the fitted one: ratio r of variances and power p, in the n-th slowest
+direction r n^−p, with probabilities. What a few periods tell of a variance is right to a factor of
+two to four; of the slowest, which a saturated model follows, nothing is told: a bias may walk at
+random (IEEE 952) by more than faster noise lets expect."""
 SLOW_NOISE_SHARE = 0.025
 """Share of the longest run from which a time constant of the noise is slow."""
 
@@ -101,6 +103,9 @@ THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
 """Time constants of what it follows beside the die: package, board, housing [s] …"""
 THERMOMETER_PART_SHARE = 0.3
 """… and standard deviation of each one's share of its lag."""
+DIE_BY_OTHERS = 1.0
+"""Standard deviation of the share by which the die is where other thermometers let expect it, and
+not where its own says, which may be coarse or noisy, and is smoothed [K/K]."""
 SLOPE_CHANGE_STD = 0.3
 """Standard deviation of the change of a slope over the temperatures of a run, of itself."""
 THERMOMETER_SETTLING_S = (40.0, 120.0, 360.0)
@@ -118,13 +123,13 @@ def thermometer_deviations(lag: float) -> FloatArray:
     """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
 
     They are lag [s], its square [s²], what it follows slowly [K/K], plays of its hysteresis
-    [K/K], the widest about a die that follows the air [K/K], shares of air and board [K/K],
-    transients [K].
+    [K/K], the widest about a die that follows the air [K/K], shares of air and board and of a die
+    that follows them [K/K], transients [K].
     """
     plays = [1.0] * (len(THERMOMETER_HYSTERESIS_K) + 1)
     parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
-    shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0)]
+    shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0), DIE_BY_OTHERS]
     return np.array([lag, lag**2, *parts, *plays, *shares, *transients])
 
 
