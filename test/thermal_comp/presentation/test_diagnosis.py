@@ -3,7 +3,12 @@
 
 import pytest
 from thermal_comp.diagnosis.result import Diagnosis, Finding
-from thermal_comp.presentation.diagnosis import diagnosis_text, prediction_lines, verdict_line
+from thermal_comp.presentation.diagnosis import (
+    advice,
+    diagnosis_text,
+    prediction_lines,
+    verdict_line,
+)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +88,18 @@ def test_a_sensor_that_was_not_judged_is_not_said_to_lack_nothing() -> None:
     content = {'verdict': 'complete', 'findings': [], 'explanations': [], 'sensors': judged}
     said = verdict_line(content)
     assert said == 'nothing is missing in accelerometer and gyroscope, all that could be judged'
+
+
+def test_an_error_of_the_thermometer_is_no_nothing() -> None:
+    errors = {'noise_floor': 1e-4, 'error_before': 8e-4, 'error_after': 2e-4}
+    content = Diagnosis('dut1', (), {}, {}, (), ()).to_dict() | {
+        'sensors': {'gyroscope': {'verdict': 'complete'}},
+        'prediction': {'gyroscope': {'terms': ['thermal_lag'], 'empirical': True, **errors}},
+    }
+    assert verdict_line(content) == (
+        'no effect of a sensor is missing, but the thermometer errs (gyroscope 8.0 × noise)'
+    )
+    assert 'imu_workbench auto' in advice(content)[-1]
 
 
 def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:

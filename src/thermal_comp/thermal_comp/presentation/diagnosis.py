@@ -27,6 +27,8 @@ VERDICTS = {
     'data_quality': 'the data have defects; rows that are wrong were left out of what follows',
 }
 """Verdicts in words."""
+NOTHING_MISSING = frozenset({'complete', 'noise_above_reference'})
+"""Verdicts on a sensor that lacks no effect."""
 DEFECT_REMEDIES = {
     'saturation': 'choose a wider full scale or remove the magnet',
     'stuck_value': 'check bus and driver',
@@ -66,7 +68,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
         )
         if state.get('smallest_found'):
             lines.append(f'    would have been found: {_range_found(sensor, state)}')
-        if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
+        if state['where'] and state['verdict'] not in NOTHING_MISSING:
             lines.append(
                 f'    worst: {"; ".join(_where_text(where) for where in state["where"][:3])}'
             )
@@ -84,6 +86,9 @@ def verdict_line(content: Mapping[str, Any]) -> str:
     if content['verdict'] == 'complete' and doubt:
         named = ', '.join(f'{sensor}, {percent(p)}' for sensor, p in doubt.items())
         return f'nothing is missing for certain, but something may be ({named})'
+    if content['verdict'] == 'complete' and (erring := erring_thermometer(content)):
+        named = ', '.join(f'{sensor} {ratio:.1f} × noise' for sensor, ratio in erring.items())
+        return f'no effect of a sensor is missing, but the thermometer errs ({named})'
     judged = list(content['sensors'])
     if content['verdict'] == 'complete' and 0 < len(judged) < len(SENSORS):
         return f'{VERDICTS["complete"]} in {" and ".join(judged)}, all that could be judged'
@@ -98,6 +103,22 @@ def doubtful_sensors(content: Mapping[str, Any]) -> dict[str, float]:
         if one['names'] == ['nothing'] and one['sensor'] in nothing:
             nothing[one['sensor']] = one['probability']
     return {s: 1.0 - p for s, p in nothing.items() if s in explained and p < 0.5}
+
+
+def erring_thermometer(content: Mapping[str, Any]) -> dict[str, float]:
+    """Return sensors that lack nothing, but a correction of what their thermometer does.
+
+    Name → held-out error over the noise floor.
+    """
+    return {
+        sensor: one['error_before'] / one['noise_floor']
+        for sensor, one in content.get('prediction', {}).items()
+        if one['empirical'] and one['terms'] and _lacks_nothing(content, sensor)
+    }
+
+
+def _lacks_nothing(content: Mapping[str, Any], sensor: str) -> bool:
+    return content['sensors'].get(sensor, {}).get('verdict') in NOTHING_MISSING
 
 
 def _summary(content: Mapping[str, Any]) -> str:
@@ -117,7 +138,6 @@ def _summary(content: Mapping[str, Any]) -> str:
 def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what adding effects would bring where no cause is decided."""
     lines = []
-    nothing_missing = {'complete', 'noise_above_reference'}
     for sensor, one in content['prediction'].items():
         if not one['empirical']:
             continue
@@ -131,8 +151,8 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
             text = f'no effect of the catalogue would lower the held-out error {before}'
         elif one['error_after'] >= one['error_before']:
             text = f'{terms}, what comes closest, would not lower the held-out error {before}'
-        state = content['sensors'].get(sensor, {}).get('verdict')
-        cause = 'the thermometer errs' if state in nothing_missing else 'cause undecided'
+        lacks_nothing = _lacks_nothing(content, sensor)
+        cause = 'the thermometer errs' if lacks_nothing else 'cause undecided'
         lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; {cause}')
     return lines
 
@@ -250,10 +270,10 @@ def _where_text(where: Mapping[str, Any]) -> str:
 
 def advice(content: Mapping[str, Any]) -> list[str]:
     """Return what to do next, once each, in the order of the findings."""
-    findings = content['findings']
-    if not findings:
-        return []
-    return list(dict.fromkeys(line for f in findings for line in _of_finding(f)))
+    lines = [line for finding in content['findings'] for line in _of_finding(finding)]
+    if erring_thermometer(content):
+        lines.append('correct what the thermometer does: python -m imu_workbench auto BAG…')
+    return list(dict.fromkeys(lines))
 
 
 def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:

@@ -99,6 +99,16 @@ def test_what_is_probably_missing_and_too_little_to_say_is_no_nothing(fitted, fo
     assert verdict_line(complete).endswith('but something may be (gyroscope, 79 %)')
 
 
+def test_an_error_of_the_thermometer_is_corrected_before_anything_is_certified(fitted, found):
+    errors = {'noise_floor': 1e-4, 'error_before': 8e-4, 'error_after': 2e-4}
+    gyroscope = {'terms': [LAG], 'empirical': True, **errors}
+    late = found['diagnosis'] | {'findings': [], 'prediction': {'gyroscope': gyroscope}}
+    assert verdict_sentence(late, fitted.line.errors()) == (
+        'No effect is missing, but the thermometer errs: gyroscope 8.0 × noise.'
+    )
+    assert next_action(late, KNOWN, KNOWN) == Action('add', '', LAG, ('gyroscope',))
+
+
 def test_what_was_not_logged_is_what_to_log_next(fitted, found):
     unlogged = changed(found, kind='unlogged', name=None, depends_on='heater')
     assert 'not logged: heater' in verdict_sentence(unlogged, fitted.line.errors())

@@ -15,6 +15,7 @@ from thermal_comp.presentation.diagnosis import (
     DEFECT_REMEDIES,
     better_left_out,
     doubtful_sensors,
+    erring_thermometer,
     percent,
 )
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
@@ -60,6 +61,10 @@ def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
         if doubt:
             named = ' and '.join(f'{sensor} ({percent(p)})' for sensor, p in doubt.items())
             return f'Nothing is missing for certain; something may be in the {named}.'
+        erring = erring_thermometer(found)
+        if erring:
+            named = ', '.join(f'{sensor} {ratio:.1f} × noise' for sensor, ratio in erring.items())
+            return f'No effect is missing, but the thermometer errs: {named}.'
         clock = [f'{_capital(f["text"])}.' for f in found['findings'] if f['kind'] == 'clock']
         return ' '.join([f'Nothing is missing: what is left is noise{usual}.', *clock])
     sensor = findings[0]['sensor']
@@ -212,7 +217,7 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
     """Return what to do next; `known` effects have a name here, `addable` ones can be added."""
     findings = _physical(found)
     if not findings:
-        return Action('certificate')
+        return _correction(found, addable) or Action('certificate')
     first = next((f for f in findings if not better_left_out(f)), findings[0])
     if first['kind'] == 'unlogged':
         return Action('log', f'Log {what_to_log(first["depends_on"], EFFECTS)} and record again.')
@@ -233,6 +238,16 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
     if left_out := better_left_out(first):
         return Action('look', f'{_capital(spaced(left_out))}.')
     return Action('add', '', effect, sensors)
+
+
+def _correction(found: Mapping[str, Any], addable: Sequence[str]) -> Action | None:
+    """Return to add what corrects the thermometer's error in most sensors, if anything does."""
+    terms = {sensor: found['prediction'][sensor]['terms'] for sensor in erring_thermometer(found)}
+    named = [name for names in terms.values() for name in names if name in addable]
+    if not named:
+        return None
+    effect = max(named, key=named.count)
+    return Action('add', '', effect, tuple(s for s in SENSORS if effect in terms.get(s, ())))
 
 
 def _capital(text: str) -> str:
