@@ -89,7 +89,9 @@ def effect_findings(
                 unit=SENSOR_UNITS[sensor],
                 rivals=tuple({'name': n, 'probability': p} for n, p in rivals),
                 parameters=_parameters(effect, sensor, explained),
-                text=_sentence(name, label, [rival for rival, _ in rivals[:2]], form),
+                text=_sentence(
+                    name, label, answer.probability_of(name), [r for r, _ in rivals[:2]], form
+                ),
             )
         )
     return sorted(findings, key=lambda f: -f.evidence)
@@ -116,8 +118,9 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
     return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE_PROBABILITY]
 
 
-def _sentence(name: str, label: str, rivals: Sequence[str], form: str) -> str:
-    text = f'{label}: {name} is missing'
+def _sentence(name: str, label: str, chance: float, rivals: Sequence[str], form: str) -> str:
+    verb = 'is' if chance >= CREDIBLE_PROBABILITY else 'is probably' if chance > 0.5 else 'may be'
+    text = f'{label}: {name} {verb} missing'
     if rivals:
         verb = 'explain' if len(rivals) > 1 else 'explains'
         text += f'; {" and ".join(rivals)} {verb} it as well'
