@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from thermal_comp.diagnosis.findings import ranked_effects
+from thermal_comp.diagnosis.findings import effect_sentence, ranked_effects
 
 from .one_run import CATALOGUE, behind, lagging_gyroscope, searched
 
@@ -32,3 +32,11 @@ def test_sensors_keep_to_themselves() -> None:
     both = ranked_effects({'gyroscope': answer, 'accelerometer': answer})
     assert [r.sensor for r in both] == ['gyroscope'] * 2 + ['accelerometer'] * 2
     assert [r.probability for r in both[:2]] == [r.probability for r in both[2:]]
+
+
+@pytest.mark.parametrize(
+    ('chance', 'said'), [(0.99, 'is'), (0.95, 'is'), (0.8, 'is probably'), (0.4, 'may be')]
+)
+def test_an_effect_is_said_as_surely_as_it_is_probable(chance: float, said: str) -> None:
+    sentence = effect_sentence('thermal_lag', 'gyroscope', chance)
+    assert sentence == f'gyroscope: thermal_lag {said} missing'

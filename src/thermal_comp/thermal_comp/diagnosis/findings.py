@@ -89,7 +89,7 @@ def effect_findings(
                 unit=SENSOR_UNITS[sensor],
                 rivals=tuple({'name': n, 'probability': p} for n, p in rivals),
                 parameters=_parameters(effect, sensor, explained),
-                text=_sentence(
+                text=effect_sentence(
                     name, label, answer.probability_of(name), [r for r, _ in rivals[:2]], form
                 ),
             )
@@ -118,7 +118,14 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
     return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE_PROBABILITY]
 
 
-def _sentence(name: str, label: str, chance: float, rivals: Sequence[str], form: str) -> str:
+def effect_sentence(
+    name: str, label: str, chance: float, rivals: Sequence[str] = (), form: str = ''
+) -> str:
+    """Return that a sensor lacks an effect, as surely as it is probable.
+
+    >>> effect_sentence('thermal_lag', 'gyroscope', 0.7, ('warm_up',))
+    'gyroscope: thermal_lag is probably missing; warm_up explains it as well'
+    """
     verb = 'is' if chance >= CREDIBLE_PROBABILITY else 'is probably' if chance > 0.5 else 'may be'
     text = f'{label}: {name} {verb} missing'
     if rivals:
