@@ -80,7 +80,7 @@ CHANNEL_FLAWED_PROBABILITY = 0.3
 """That what an effect lacks is an error of the channel that it follows, noise or another place, or
 of the amplitude of its line, which comes and goes with its cause."""
 
-SLOW_NOISE_RATIOS = ((0.0, 0.0, 0.5), (3.0, 0.0, 0.3), (15.0, 2.0, 0.2))
+SLOW_NOISE_RATIOS = ((0.0, 0.0, 0.5), (3.0, 0.0, 0.3), (15.0, 0.0, 0.1), (15.0, 2.0, 0.1))
 """Slow noise beyond the fitted one: ratio r of variances and power p, in the n-th slowest
 direction r n^−p, with probabilities. What a few periods tell of a variance is right to a factor of
 two to four; of the slowest, which a saturated model follows, nothing is told: a bias may walk at
