@@ -90,14 +90,16 @@ def test_a_sensor_that_was_not_judged_is_not_said_to_lack_nothing() -> None:
     assert said == 'nothing is missing in accelerometer and gyroscope, all that could be judged'
 
 
-def test_an_error_of_the_thermometer_is_no_nothing() -> None:
+@pytest.mark.parametrize('verdict', ['complete', 'noise_above_reference'])
+def test_an_error_of_the_thermometer_is_no_nothing(verdict: str) -> None:
     errors = {'noise_floor': 1e-4, 'error_before': 8e-4, 'error_after': 2e-4}
     content = Diagnosis('dut1', (), {}, {}, (), ()).to_dict() | {
-        'sensors': {'gyroscope': {'verdict': 'complete'}},
+        'verdict': verdict,
+        'sensors': {'gyroscope': {'verdict': verdict}},
         'prediction': {'gyroscope': {'terms': ['thermal_lag'], 'empirical': True, **errors}},
     }
     assert verdict_line(content) == (
-        'no effect of a sensor is missing, but the thermometer errs (gyroscope 8.0 × noise)'
+        'no effect is missing, but the thermometer errs (gyroscope 8.0 × noise)'
     )
     assert 'imu_workbench auto' in advice(content)[-1]
 

@@ -121,7 +121,9 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
 def effect_sentence(
     name: str, label: str, chance: float, rivals: Sequence[str] = (), form: str = ''
 ) -> str:
-    """Return that a sensor lacks an effect, as surely as it is probable.
+    """Return that a sensor lacks an effect, as surely as it is probable: `chance` 0 … 1.
+
+    `rivals` explain it as well; `form` is what the effect's equation lacks.
 
     >>> effect_sentence('thermal_lag', 'gyroscope', 0.7, ('warm_up',))
     'gyroscope: thermal_lag is probably missing; warm_up explains it as well'

@@ -86,9 +86,9 @@ def verdict_line(content: Mapping[str, Any]) -> str:
     if content['verdict'] == 'complete' and doubt:
         named = ', '.join(f'{sensor}, {percent(p)}' for sensor, p in doubt.items())
         return f'nothing is missing for certain, but something may be ({named})'
-    if content['verdict'] == 'complete' and (erring := erring_thermometer(content)):
-        named = ', '.join(f'{sensor} {ratio:.1f} × noise' for sensor, ratio in erring.items())
-        return f'no effect of a sensor is missing, but the thermometer errs ({named})'
+    erring = erring_thermometer(content)
+    if erring and content['verdict'] in NOTHING_MISSING:
+        return f'no effect is missing, but the thermometer errs ({erring})'
     judged = list(content['sensors'])
     if content['verdict'] == 'complete' and 0 < len(judged) < len(SENSORS):
         return f'{VERDICTS["complete"]} in {" and ".join(judged)}, all that could be judged'
@@ -105,16 +105,21 @@ def doubtful_sensors(content: Mapping[str, Any]) -> dict[str, float]:
     return {s: 1.0 - p for s, p in nothing.items() if s in explained and p < 0.5}
 
 
-def erring_thermometer(content: Mapping[str, Any]) -> dict[str, float]:
-    """Return sensors that lack nothing, but a correction of what their thermometer does.
-
-    Name → held-out error over the noise floor.
-    """
+def corrections_of_thermometer(content: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return sensor → prediction where only what the thermometer does is to be corrected."""
     return {
-        sensor: one['error_before'] / one['noise_floor']
+        sensor: one
         for sensor, one in content.get('prediction', {}).items()
         if one['empirical'] and one['terms'] and _lacks_nothing(content, sensor)
     }
+
+
+def erring_thermometer(content: Mapping[str, Any]) -> str:
+    """Return these sensors with their held-out errors in noise floors; '' where there are none."""
+    return ', '.join(
+        f'{sensor} {one["error_before"] / one["noise_floor"]:.1f} × noise'
+        for sensor, one in corrections_of_thermometer(content).items()
+    )
 
 
 def _lacks_nothing(content: Mapping[str, Any], sensor: str) -> bool:
@@ -271,8 +276,10 @@ def _where_text(where: Mapping[str, Any]) -> str:
 def advice(content: Mapping[str, Any]) -> list[str]:
     """Return what to do next, once each, in the order of the findings."""
     lines = [line for finding in content['findings'] for line in _of_finding(finding)]
-    if erring_thermometer(content):
-        lines.append('correct what the thermometer does: python -m imu_workbench auto BAG…')
+    if corrections_of_thermometer(content):
+        lines.append(
+            'correct what the thermometer does: python -m imu_workbench auto BAG… -o model.yaml'
+        )
     return list(dict.fromkeys(lines))
 
 

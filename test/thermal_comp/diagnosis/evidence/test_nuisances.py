@@ -33,6 +33,9 @@ def test_more_slow_noise_is_the_same_directions_wider() -> None:
     assert len({prior.columns for prior in slow}) == 1
     widths = sorted(float(prior.deviation.sum()) for prior in slow)
     assert widths[0] < widths[-1]
+    ratios = [prior.deviation / slow[0].deviation for prior in slow]
+    place = 1.0 + np.arange(len(ratios[0]))
+    assert ratios[-1] * place == pytest.approx(np.full(len(place), np.sqrt(15.0 / 3.0)))
 
 
 def explained_share(slope: float) -> float:

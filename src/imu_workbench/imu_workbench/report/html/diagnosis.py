@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thermal_comp.presentation.diagnosis import VERDICTS, percent, verdict_line
+from thermal_comp.presentation.diagnosis import NOTHING_MISSING, VERDICTS, percent, verdict_line
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
 
 from imu_workbench.report.error_steps import degree_steps
@@ -54,7 +54,8 @@ def diagnosis_values(
     `shapes` are the shape parameters of its certified model.
     """
     verdict = found['verdict']
-    words = verdict_line(found) if verdict == 'complete' else VERDICTS.get(verdict, verdict)
+    complete = verdict in NOTHING_MISSING
+    words = verdict_line(found) if complete else VERDICTS.get(verdict, verdict)
     greyed = '; '.join(f'{name} {reason}' for name, reason in found['greyed_out'].items())
     notes = [*([f'not tried: {greyed}'] if greyed else []), *found['undetermined']]
     return {

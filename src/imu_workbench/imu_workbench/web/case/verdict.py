@@ -14,6 +14,7 @@ from thermal_comp.effects.effect import COUNT_UNIT
 from thermal_comp.presentation.diagnosis import (
     DEFECT_REMEDIES,
     better_left_out,
+    corrections_of_thermometer,
     doubtful_sensors,
     erring_thermometer,
     percent,
@@ -61,12 +62,11 @@ def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
         if doubt:
             named = ' and '.join(f'{sensor} ({percent(p)})' for sensor, p in doubt.items())
             return f'Nothing is missing for certain; something may be in the {named}.'
-        erring = erring_thermometer(found)
-        if erring:
-            named = ', '.join(f'{sensor} {ratio:.1f} × noise' for sensor, ratio in erring.items())
-            return f'No effect is missing, but the thermometer errs: {named}.'
         clock = [f'{_capital(f["text"])}.' for f in found['findings'] if f['kind'] == 'clock']
-        return ' '.join([f'Nothing is missing: what is left is noise{usual}.', *clock])
+        erring = erring_thermometer(found)
+        left = f'No effect is missing, but the thermometer errs: {erring}.'
+        nothing = f'Nothing is missing: what is left is noise{usual}.'
+        return ' '.join([left if erring else nothing, *clock])
     sensor = findings[0]['sensor']
     own = [f for f in findings if f['sensor'] == sensor]
     sentence = f'{failure_sentence(sensor, found, errors)} {_explanation(own, found)}'
@@ -242,7 +242,7 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
 
 def _correction(found: Mapping[str, Any], addable: Sequence[str]) -> Action | None:
     """Return to add what corrects the thermometer's error in most sensors, if anything does."""
-    terms = {sensor: found['prediction'][sensor]['terms'] for sensor in erring_thermometer(found)}
+    terms = {s: one['terms'] for s, one in corrections_of_thermometer(found).items()}
     named = [name for names in terms.values() for name in names if name in addable]
     if not named:
         return None

@@ -56,7 +56,7 @@ def nuisance_priors(
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
-    slowness = 1.0 + np.arange(len(size)) % _directions_per_run(design)
+    place = 1.0 + np.arange(len(size)) % _directions_per_run(design)  # slowest of a run first
     for (excess, power, noisy), (seconds, slack) in product(
         priors.SLOW_NOISE_RATIOS, priors.THERMOMETER_LAGS_S
     ):
@@ -64,7 +64,7 @@ def nuisance_priors(
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
         allowed += unread
         if excess > 0.0:
-            deviation = np.sqrt(excess * slowness**-power) * size
+            deviation = np.sqrt(excess * place**-power) * size
             allowed.append(CoefficientPrior(slow.columns, shared=False, deviation=deviation))
         alternatives.append((float(np.log(noisy * slack)), allowed))
     return alternatives
@@ -157,12 +157,12 @@ def _settling(conditions: Conditions) -> FloatArray:
 def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
     """(n, q) plays about the reading, one about a die in the air; others − reading [K].
 
-    The others are air, board, and a die that follows them as the reading does.
+    The others are air, board, and a die that follows them as the reading does. Without the
+    temperature of the air it is by the humidity; what was not logged at all is no different.
 
     Plays of several widths together are any hysteresis (Prandtl–Ishlinskii). That about a die in
     the air counts in dwells: the die follows the swings of the air's control, which are smaller
-    than the hysteresis of the thermometer. Without the air's temperature it is zero, and the air
-    is by the humidity, or zero as well; so is the last without the board's temperature.
+    than the hysteresis of the thermometer. Without the air's temperature it is zero.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
     widths = priors.THERMOMETER_HYSTERESIS_K
@@ -175,11 +175,11 @@ def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
         air = _air_by_humidity(conditions)
     board = conditions.device_temperature
     board = temperature if board is None else board
-    others = [air, board, _die_by_others(conditions)]
+    others = [air, board, _die_by_other_thermometers(conditions)]
     return np.stack([*behind, unseen, *(other - temperature for other in others)], axis=1)
 
 
-def _die_by_others(conditions: Conditions) -> FloatArray:
+def _die_by_other_thermometers(conditions: Conditions) -> FloatArray:
     """(n,) temperature of a die that follows air and board as the reading does [°C].
 
     What it is beyond the reading is what the reading does not say, as between the counts of a

@@ -103,9 +103,9 @@ THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
 """Time constants of what it follows beside the die: package, board, housing [s] …"""
 THERMOMETER_PART_SHARE = 0.3
 """… and standard deviation of each one's share of its lag."""
-DIE_BY_OTHERS = 1.0
-"""Standard deviation of the share by which the die is where other thermometers let expect it, and
-not where its own says, which may be coarse or noisy, and is smoothed [K/K]."""
+OTHER_THERMOMETERS_STD = 1.0
+"""Standard deviation of how much of the difference is the die's, where other thermometers let one
+expect another temperature than its own says, which may be coarse, or noisy and smoothed [K/K]."""
 SLOPE_CHANGE_STD = 0.3
 """Standard deviation of the change of a slope over the temperatures of a run, of itself."""
 THERMOMETER_SETTLING_S = (40.0, 120.0, 360.0)
@@ -129,7 +129,7 @@ def thermometer_deviations(lag: float) -> FloatArray:
     plays = [1.0] * (len(THERMOMETER_HYSTERESIS_K) + 1)
     parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
-    shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0), DIE_BY_OTHERS]
+    shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0), OTHER_THERMOMETERS_STD]
     return np.array([lag, lag**2, *parts, *plays, *shares, *transients])
 
 
