@@ -42,8 +42,11 @@ def test_an_effect_of_the_users_own_is_named(bag: Path) -> None:
 
 def test_the_hidden_effect_is_named_and_removed(growth) -> None:
     assert growth['steps'][0]['sensor'] == 'accelerometer'
-    # In this chamber die minus air is the die's rate: the two are one effect.
-    assert growth['findings'][0]['name'] in {'temperature_rate', 'thermal_gradient'}
+    # In this chamber die minus air is the die's rate: the two are one effect. The rate is that of
+    # the row before, a flaw that was taken for a second effect.
+    (finding,) = growth['findings']
+    assert finding['name'] in {'temperature_rate', 'thermal_gradient'}
+    assert [step['added'] for step in growth['steps']] == [finding['name']]
     part = growth['sensors']['accelerometer']
     errors = [step['error'] for step in part['steps']]
     assert errors[0] > errors[1] > 2.0 * errors[-1]
@@ -51,7 +54,7 @@ def test_the_hidden_effect_is_named_and_removed(growth) -> None:
     worst = max(max(row) for row in part['maps']['before']['ratio'])
     left = max(max(row) for row in part['maps']['after']['ratio'])
     assert worst > 2.0
-    assert left < 1.5
+    assert left < 2.0
 
 
 def test_it_is_told_in_ten_lines_with_degrees_of_both_filters(growth) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What no effect describes is described without a name, where held-out parts confirm it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from thermal_comp.diagnosis import growth
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.grown_model import Growth
 from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises, raised_by
-from thermal_comp.diagnosis.result import Finding
+from thermal_comp.diagnosis.result import Finding, RankedEffect
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.model.file import load_model, save_model
@@ -118,6 +119,58 @@ def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> No
     assert 'temperature_rate (magnetometer) raises the held-out error: left out' in said
 
 
+def _say(
+    monkeypatch: pytest.MonkeyPatch,
+    rounds: Sequence[Sequence[Finding]],
+    ranking: Sequence[RankedEffect] = (),
+) -> None:
+    """Let one diagnosis after the other end with these findings."""
+    said = iter(rounds)
+    monkeypatch.setattr(
+        growth,
+        'diagnose_prepared',
+        lambda *_: SimpleNamespace(findings=next(said), explanations=(), ranking=ranking),
+    )
+
+
+def _found(name: str, *alike: str) -> Finding:
+    return Finding('effect', name, SENSOR, 9.0, 0.0, ambiguous_with=alike)
+
+
+def test_all_effects_of_one_explanation_are_added(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one was lost where a second diagnosis, of the grown model, was less sure of it."""
+    both = [_found('bias_temperature_curvature'), _found('thermal_lag')]
+    _say(monkeypatch, [both, []])
+    runs = prepare(campaign(4.0))
+    steps = grow(None, runs, Settings(EFFECTS), named_only=True).steps
+    assert [step.added for step in steps] == ['bias_temperature_curvature', 'thermal_lag']
+    assert steps[0].error_before > steps[1].error_before > steps[1].error_after
+
+
+def test_of_effects_that_are_alike_the_one_that_predicts_best_is_added(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _say(monkeypatch, [[_found('bias_drift', 'thermal_lag', 'heater_hard_iron')], []])
+    (step,) = grow(None, prepare(campaign(4.0)), Settings(EFFECTS), named_only=True).steps
+    assert (step.added, step.ambiguous_with) == ('thermal_lag', ('bias_drift', 'heater_hard_iron'))
+
+
+def test_an_effect_is_added_in_the_form_that_was_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step was moved to where a larger one stands that was explained otherwise."""
+    time = chamber(3, PERIOD)[0]
+    named, larger = 20_000.0, 30_000.0
+    gains = WHITE['angular_velocity'] * np.array([1.0, -0.7, 0.9])
+    error = {
+        'angular_velocity': np.multiply.outer(2.0 * (time > named) - 3.0 * (time > larger), gains)
+    }
+    runs = prepare([run('+z', seed=3, cycles=3, period=PERIOD, error=error)])
+    form = EFFECTS['bias_step'](step_time=(named,), duration=(0.0,))
+    _say(monkeypatch, [[_found('bias_step')], []], [RankedEffect(SENSOR, form, 0.9, 9.0)])
+    grown = grow(None, runs, Settings(EFFECTS), named_only=True)
+    (step,) = grown.model.sensors[SENSOR].effects[1:]
+    assert step.shape_parameters['step_time'] == pytest.approx((named,), abs=5.0 * PERIOD)
+
+
 @pytest.mark.long
 def test_what_lowers_the_error_by_chance_waits_for_what_lowers_it_surely(
     monkeypatch: pytest.MonkeyPatch,
@@ -125,12 +178,7 @@ def test_what_lowers_the_error_by_chance_waits_for_what_lowers_it_surely(
     """A step of a drone's board was added first, and a hysteresis then took the lag's place."""
     runs = prepare(campaign(4.0))
     listed = [Finding('effect', name, SENSOR, 9.0, 0.0) for name in ('bias_drift', 'thermal_lag')]
-    rounds = iter([listed, [], listed[:1], []])
-    monkeypatch.setattr(
-        growth,
-        'diagnose_prepared',
-        lambda *_: SimpleNamespace(findings=next(rounds), explanations=()),
-    )
+    _say(monkeypatch, [listed, [], listed[:1], []])
     sure = grow(None, runs, Settings(EFFECTS), named_only=True)
     assert [step.added for step in sure.steps] == ['thermal_lag']
     chance = grow(None, runs, Settings(EFFECTS), named_only=True)

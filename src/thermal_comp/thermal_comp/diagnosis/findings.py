@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from math import log
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS
@@ -17,7 +16,6 @@ from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY, probability
-from thermal_comp.diagnosis.evidence.priors import NOTHING_PROBABILITY
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     DEFAULT_CHIP,
@@ -29,7 +27,7 @@ from thermal_comp.diagnosis.noise_level import (
 )
 from thermal_comp.diagnosis.result import Finding, RankedEffect, SensorState
 from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, SensorAnswer
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
 CLOCK_EVIDENCE = 15.0
@@ -281,7 +279,7 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
     """
     found: list[RankedEffect] = []
     for sensor, answer in answers.items():
-        together = {effect.name: effect for effect in (*answer.named, *answer.closest)}
+        together = {e.name: e for e in joined_effects((*answer.named, *answer.closest))}
         alone = {s.names[0]: s for s in answer.sets if len(s.names) == 1 and not s.guessed}
         own = [
             RankedEffect(
@@ -291,7 +289,7 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
                     answer.explanations,
                     lambda e, n=name: n in e.names and e.unseen != n,  # type: ignore[misc]
                 ),
-                one.log_posterior - log(NOTHING_PROBABILITY),
+                one.log_posterior - answer.hypotheses.log_prior(0),
             )
             for name, one in alone.items()
         ]

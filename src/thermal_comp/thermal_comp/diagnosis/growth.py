@@ -23,7 +23,7 @@ from thermal_comp.diagnosis.evidence.priors import NOTHING_PROBABILITY
 from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.diagnosis.grown_model import Growth, Step, step_of
 from thermal_comp.diagnosis.model_form import with_model_form
-from thermal_comp.diagnosis.result import Diagnosis
+from thermal_comp.diagnosis.result import Diagnosis, Finding
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.empirical import empirical_form
@@ -41,6 +41,12 @@ from thermal_comp.noise.of_runs import determined_noise
 
 MOST_STEPS = 6
 """Effects added before growing stops."""
+LEAST_LOG_GAIN = 0.01
+"""Fall of ln of the held-out error by which a less likely effect stands in place of one that it
+cannot be told from."""
+
+DiagnosedForms = Mapping[tuple[Sensor, str], Effect]
+"""Effects by sensor and name, in the form that a diagnosis found."""
 
 
 def add_effect(
@@ -111,20 +117,22 @@ def grow(
     steps: list[Step] = []
     first: Comparison | None = None
     current, growth = model, None
-    left_out: set[str] = set()
     while True:
         report('diagnosing …')
         diagnosis = diagnose_prepared(runs, current, settings)
-        if len(steps) == MOST_STEPS:
+        named, before = [f for f in diagnosis.findings if f.kind == 'effect'], len(steps)
+        forms = {(ranked.sensor, ranked.name): ranked.effect for ranked in diagnosis.ranking}
+        while named and len(steps) < MOST_STEPS:
+            added, named = _with_named_effect(current, runs, noise, settings, named, forms, report)
+            if added is None or (len(steps) > before and not added.steps[-1].lowered):
+                break  # the next diagnosis tells whether what lowers nothing is needed
+            growth = added
+            first = first or growth.before
+            steps += growth.steps
+            current, weights = growth.model, noise
+            noise = _noise_of(runs, current)
+        if len(steps) == before:
             break
-        added = _with_named_effect(current, runs, noise, settings, diagnosis, left_out, report)
-        if added is None:
-            break
-        growth = added
-        first = first or growth.before
-        steps += growth.steps
-        current, weights = growth.model, noise
-        noise = _noise_of(runs, current)
     if not named_only:
         report('looking for what repeats without a name …')
         further = _with_predictive_terms(current, runs, settings, diagnosis)
@@ -156,34 +164,76 @@ def _with_named_effect(
     runs: Sequence[PreparedRun],
     noise: Mapping[Sensor, NoiseModel],
     settings: Settings,
-    diagnosis: Diagnosis,
-    left_out: set[str],
+    named: Sequence[Finding],
+    forms: DiagnosedForms,
     report: Callable[[str], None],
-) -> Growth | None:
-    """Return the model with the strongest effect that was named and lowers the error.
+) -> tuple[Growth | None, list[Finding]]:
+    """Return the model with the strongest effect that lowers the error, and the findings left.
 
     What lowers it by no more than chance waits for the others: beside them it may be needless.
-    `left_out` keeps the names, each with its sensors, that do not lower it.
+    What raises it is left out.
     """
-    waiting: Growth | None = None
-    for found in diagnosis.findings:
-        key = f'{found.name} ({found.sensor})'
-        if found.kind != 'effect' or found.name is None or key in left_out:
+    waiting: list[tuple[Growth, Finding]] = []
+    for number, found in enumerate(named):
+        grown = _with_best_of_alike(model, runs, noise, settings, found, forms, report)
+        if grown is None:
             continue
-        report(f'adding {found.name} …')
-        sensors = [s for s in noise if s in found.sensor.split('+')]
-        listed = _base(runs, model)
-        chosen = _forms_by_sensor(runs, listed, noise, found.name, settings, sensors)
-        placed = {s: (effect,) for s, effect in chosen.items()}
-        grown = _with_effects(model, runs, noise, listed, placed, found.ambiguous_with)
-        if held_out_error_rises(grown, list(placed)):
-            report(f'{key} raises the held-out error: left out')
-            left_out.add(key)
+        if held_out_error_rises(grown, grown.steps[-1].sensors):
+            report(f'{found.name} ({found.sensor}) raises the held-out error: left out')
         elif grown.steps[-1].lowered:
-            return grown
+            return grown, [*(f for _, f in waiting), *named[number + 1 :]]
         else:
-            waiting = waiting or grown
-    return waiting
+            waiting.append((grown, found))
+    if not waiting:
+        return None, []
+    return waiting[0][0], [f for _, f in waiting[1:]]
+
+
+def _with_best_of_alike(
+    model: ThermalModel | None,
+    runs: Sequence[PreparedRun],
+    noise: Mapping[Sensor, NoiseModel],
+    settings: Settings,
+    found: Finding,
+    forms: DiagnosedForms,
+    report: Callable[[str], None],
+) -> Growth | None:
+    """Return the model with a named effect, or with one that cannot be told from it.
+
+    The one with the smallest held-out error; of equals the likeliest. One that was not named needs
+    no channel, which the field may lack. None: the effect is there already.
+    """
+    listed = _base(runs, model)
+    sensors = [s for s in noise if s in found.sensor.split('+')]
+    there = {effect.name for s in sensors for effect in listed[s] if not effect.repeatable}
+    names = [name for name in (found.name, *found.ambiguous_with) if name is not None]
+    best: Growth | None = None
+    for name in names if found.name not in there else ():
+        effect = settings.catalogue.get(name)
+        if effect is None or name in there or missing_channels(effect, runs):
+            continue
+        others_sensors = not set(sensors) <= set(effect.sensors)
+        if name != found.name and (effect.coupled or effect.channels or others_sensors):
+            continue
+        report(f'adding {name} …')
+        if name == found.name and all((s, name) in forms for s in sensors):
+            chosen = {s: forms[s, name] for s in sensors}
+        else:
+            try:
+                chosen = _forms_by_sensor(runs, listed, noise, name, settings, sensors)
+            except ModelError:  # beside what was added since it leaves no trace
+                continue
+        others = tuple(other for other in names if other != name)
+        placed = {s: (form,) for s, form in chosen.items()}
+        grown = _with_effects(model, runs, noise, listed, placed, others)
+        if best is None or _log_error(grown, sensors) < _log_error(best, sensors) - LEAST_LOG_GAIN:
+            best = grown
+    return best
+
+
+def _log_error(grown: Growth, sensors: Sequence[Sensor]) -> float:
+    """Return the sum over sensors of ln of the held-out error of a grown model."""
+    return sum(float(np.log(rms_of(grown.after.sensors[s].held_out_rms))) for s in sensors)
 
 
 def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:

@@ -21,6 +21,7 @@ from thermal_comp.diagnosis.evidence.common_thermometer import information_of_ot
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED, EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
+from thermal_comp.diagnosis.evidence.set_fit import set_of_model
 from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, FoundElsewhere, SensorAnswer
@@ -225,7 +226,7 @@ class SensorSearches:
             if name not in once
             and not (effect.coupled and design.sensor != effect.sensors[0] and len(self.base) > 1)
         }
-        return SensorHypotheses(design, offered)
+        return SensorHypotheses(design, offered, known=set_of_model(design, known))
 
 
 def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed:

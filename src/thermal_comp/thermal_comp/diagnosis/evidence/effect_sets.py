@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,8 +62,19 @@ class EffectSet:
         """Names of its effects, sorted."""
         return tuple(sorted(c.name for c in self.components))
 
+    def beside(self, known: EffectSet) -> EffectSet:
+        """Return the set with effects that a model has already, and what they explain."""
+        return replace(
+            self,
+            components=(*known.components, *self.components),
+            explained=known.explained + self.explained,
+        )
+
     @property
     def guessed(self) -> str:
         """Channel that an effect of the set guesses; '' where all were logged."""
         channels = (c.form.effect.guessed_channel for c in self.components)
         return next(filter(None, channels), '')
+
+
+NO_EFFECT = EffectSet((), 0.0, 0.0, 0.0)

@@ -83,7 +83,7 @@ def exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
 
 def may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
     """Tell whether anything is explained by equations: effects' or the thermometer's."""
-    return bool(some.components) or thermometer_acts(hypotheses)
+    return bool(some.beside(hypotheses.known).components) or thermometer_acts(hypotheses)
 
 
 def thermometer_acts(hypotheses: SensorHypotheses) -> bool:
@@ -98,7 +98,8 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     and O'Hagan, Bayesian Calibration of Computer Models, 2001).
     """
     explained = explained_by_equations(hypotheses, some)
-    size, largest = priors.flaw_log_prior(explained), _largest_flaw(some, explained)
+    largest = _largest_flaw(some.beside(hypotheses.known), explained)
+    size = priors.flaw_log_prior(explained)
     function = FlexibleFunction(hypotheses.discrepancy, size, largest)
     return gain_of(state, function, beside=True)[0]
 
@@ -112,7 +113,8 @@ def _largest_flaw(some: EffectSet, explained: float) -> float:
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     """Return √Δχ² that the equations of effects and thermometer explain."""
-    return float(np.sqrt(max(some.explained, hypotheses.explained_by_thermometer)))
+    of_effects = some.beside(hypotheses.known).explained
+    return float(np.sqrt(max(of_effects, hypotheses.explained_by_thermometer)))
 
 
 def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[float]:
@@ -148,14 +150,15 @@ def _flaw(
 ) -> float:
     """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
     some = one.set
+    whole = some.beside(hypotheses.known)
     explained = explained_by_equations(hypotheses, some)
-    log_prior = priors.flaw_log_prior(float(np.sqrt(some.explained)))
+    log_prior = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     functions = _functions(hypotheses, one)
     single = gains_together(hypotheses, some, one.state, functions, beside=True)
-    if some.components:
+    if whole.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
-    kin = _kin(hypotheses, some)
+    kin = _kin(hypotheses, whole)
     alike: list[float] = []
     others: list[float] = []
     for further, with_it, weight in larger:
@@ -208,7 +211,7 @@ def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
 
 def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFunction]:
     """Return the functions of one variable that a flaw may be, as large as what they belong to."""
-    some = one.set
+    some = one.set.beside(hypotheses.known)
     of_effects, of_history = float(np.sqrt(some.explained)), _explained_by_history(some)
     of_thermometer = float(np.sqrt(hypotheses.explained_by_thermometer))
     left_out = {'temperature', *one.variables_of_larger}

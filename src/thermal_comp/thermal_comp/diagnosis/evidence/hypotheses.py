@@ -15,7 +15,7 @@ from thermal_comp.diagnosis.evidence.candidates import (
     families,
     guesses,
 )
-from thermal_comp.diagnosis.evidence.effect_sets import Component, Names
+from thermal_comp.diagnosis.evidence.effect_sets import NO_EFFECT, Component, EffectSet, Names
 from thermal_comp.diagnosis.evidence.generic_regressors import (
     GenericRegressor,
     all_variables,
@@ -48,9 +48,15 @@ class SensorHypotheses:
         design: CandidateDesign,
         catalogue: Mapping[str, type[Effect]],
         response: Response | None = None,
+        known: EffectSet = NO_EFFECT,
     ) -> None:
-        """`response`: what an error of the temperature does, where a model tells."""
+        """`response`: what an error of the temperature does, where a model tells.
+
+        `known`: effects of the base model. Further ones are as likely beside them as in a set with
+        them, and their equations may have a flaw.
+        """
         self.design = design
+        self.known = known
         self.thermometer = thermometer_errors(design, response)
         """Columns of what an error of the thermometer does."""
         self.nuisances = nuisance_priors(design, self.thermometer, response)
@@ -200,11 +206,7 @@ class SensorHypotheses:
 
     def needed_evidence(self, belief: float) -> float:
         """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""
-        odds = (
-            np.log(belief / (1.0 - belief))
-            + np.log(priors.NOTHING_PROBABILITY)
-            - self.log_prior(1)
-        )
+        odds = np.log(belief / (1.0 - belief)) + self.log_prior(0) - self.log_prior(1)
         return 2.0 * float(odds)
 
     def log_odds_of_twin(self, components: Sequence[Component], share: float) -> float:
@@ -222,7 +224,8 @@ class SensorHypotheses:
     def log_prior(self, effects: int) -> float:
         """Return ln of the prior of a set of so many effects, which are all equally likely."""
         more = priors.ANOTHER_EFFECT_PROBABILITY
-        count = (1.0 - priors.NOTHING_PROBABILITY) * (1.0 - more) * more ** (effects - 1)
+        any_effect = more if self.known.components else 1.0 - priors.NOTHING_PROBABILITY
+        count = any_effect * (1.0 - more) * more ** (effects - 1) if effects else 1.0 - any_effect
         orders = np.log(np.arange(1, effects + 1)).sum()
         families = len(self.families) + len(self.guesses)
         return float(np.log(count) + orders - effects * np.log(max(families, 1)))

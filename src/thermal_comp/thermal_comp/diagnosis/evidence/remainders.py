@@ -52,15 +52,16 @@ class Remainder:
 def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[Remainder]:
     """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
     some, state = one.set, one.state
+    whole = some.beside(hypotheses.known)
     found = [Remainder('', None, exact_weight(hypotheses, some))]
     if may_be_flawed(hypotheses, some):
         found.append(Remainder('flaw', None, flaw))
-    strongest = float(np.sqrt(some.explained)) if some.components else None
+    strongest = float(np.sqrt(whole.explained)) if whole.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     gains = _log_gains(hypotheses, some, state, amplitude)
-    measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(some)]
+    measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(whole)]
     if measured:
-        own_error = priors.flaw_log_prior(float(np.sqrt(some.explained)))
+        own_error = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
         errors = [FlexibleFunction(r.term, own_error) for r in measured]
         each = [gain_of(state, error, beside=True)[0] for error in errors]
         share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
@@ -88,7 +89,7 @@ def _unnamed_causes(
     either, as may what follows the phase of the cycle, where a machine is likelier.
     """
     once = priors.ANOTHER_EFFECT_PROBABILITY
-    if not some.components:
+    if not some.beside(hypotheses.known).components:
         once = (1.0 - priors.NOTHING_PROBABILITY) / priors.NOTHING_PROBABILITY
     lost = hypotheses.lost_over_time
     laws = [Remainder(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]

@@ -11,9 +11,11 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import Form, alternatives, form_of, moved_forms
-from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
+from thermal_comp.diagnosis.evidence.effect_sets import NO_EFFECT, Component, EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.candidate_design import CandidateDesign
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005, 1.001, 1.0002, 1.00005, 1.00001)
@@ -38,6 +40,30 @@ def fitted_set(hypotheses: SensorHypotheses, components: Sequence[Component]) ->
         fitted = _fitted(hypotheses, list(before), SHAPE_RATIOS[1:])
     hypotheses.fits[names] = tuple(fitted)
     return _weighed(hypotheses, fitted)
+
+
+def set_of_model(design: CandidateDesign, effects: Sequence[Effect]) -> EffectSet:
+    """Return the effects of a model that its design has taken out, with what they explain.
+
+    A line says nothing of its own, nor does an effect whose coefficients have a prior.
+    """
+    named = [
+        effect
+        for effect in effects
+        if not isinstance(effect, BiasTemperature) and effect.coefficient_deviations() is None
+    ]
+    if not named:
+        return NO_EFFECT
+    line = [effect for effect in effects if effect not in named]
+    beside = CandidateDesign(design.source, design.sensor, design.noise, line, axes=design.axes)
+    hypotheses = SensorHypotheses(beside, {})
+    first = float(priors.AMPLITUDES[0])
+    components = [Component(form_of(beside, effect, None), first, 1) for effect in named]
+    for place in range(len(components)):
+        components = scaled(hypotheses, components, place)[0]
+    return replace(
+        NO_EFFECT, components=tuple(components), explained=hypotheses.explained(components)
+    )
 
 
 def _fitted(
@@ -197,7 +223,8 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
         occam += total + _shape_share(hypotheses, components, place)
     evidence = hypotheses.log_evidence(components)
     evidence += hypotheses.log_odds_between_bursts(components)
-    prior = hypotheses.log_prior(len(components)) + _amplitudes_log_prior(components)
+    prior = hypotheses.log_prior(len(components))
+    prior += _amplitudes_log_prior(components, hypotheses.known.components)
     return EffectSet(
         tuple(components),
         prior + evidence + occam - hypotheses.nothing,
@@ -206,10 +233,14 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
     )
 
 
-def _amplitudes_log_prior(components: Sequence[Component]) -> float:
-    """Return ln of the prior of the amplitudes: the strongest free, the others beside it."""
-    ordered = sorted((c.amplitude for c in components), reverse=True)
-    total = float(priors.amplitude_log_prior(None)[0])
+def _amplitudes_log_prior(components: Sequence[Component], known: Sequence[Component]) -> float:
+    """Return ln of the prior of the amplitudes: the strongest free, the others beside it.
+
+    Where effects are `known` the strongest of them is one of the others, or what is beside.
+    """
+    strongest = [max(c.amplitude for c in known)] if known else []
+    ordered = sorted([*(c.amplitude for c in components), *strongest], reverse=True)
+    total = 0.0 if known else float(priors.amplitude_log_prior(None)[0])
     for amplitude in ordered[1:]:
         beside = priors.amplitude_log_prior(ordered[0])
         total += float(np.interp(np.log(amplitude), np.log(priors.AMPLITUDES), beside))

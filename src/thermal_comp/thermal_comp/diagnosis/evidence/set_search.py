@@ -43,14 +43,8 @@ class Addition:
 
 def likeliest_sets(hypotheses: SensorHypotheses) -> list[EffectSet]:
     """Return the sets that were looked at, most probable first."""
-    found: dict[Names, EffectSet] = {
-        (): EffectSet(
-            (),
-            float(np.log(priors.NOTHING_PROBABILITY)),
-            float(np.log(priors.NOTHING_PROBABILITY)),
-            0.0,
-        )
-    }
+    nothing = hypotheses.log_prior(0)
+    found: dict[Names, EffectSet] = {(): EffectSet((), nothing, nothing, 0.0)}
     grown = [found[()]]
     for size in range(1, MOST_EFFECTS + 1):
         larger = _extended(hypotheses, grown, found)
@@ -138,7 +132,8 @@ def additions_to(
 
     `thermometer`: beside the thermometer's errors.
     """
-    strongest = float(np.sqrt(before.explained)) if before.components else None
+    whole = before.beside(hypotheses.known)
+    strongest = float(np.sqrt(whole.explained)) if whole.components else None
     amplitude_prior = priors.amplitude_log_prior(strongest)
     taken = {c.name for c in before.components if not c.form.effect.repeatable}
     offered = [f for f in (*hypotheses.families, *hypotheses.guesses) if f.name not in taken]
