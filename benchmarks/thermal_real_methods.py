@@ -19,7 +19,7 @@ from pysindy.optimizers import STLSQ
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-from thermal_comp.model.values import ModelError, ThermalModel
+from thermal_comp.model.values import ThermalModel
 from thermal_real_cases import BLOCKS, Fold, Mask
 
 import thermal_comp as tc
@@ -29,8 +29,6 @@ GP_ROWS = 700
 """Most rows a Gaussian process is fitted to: its time grows with their cube."""
 THRESHOLDS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Coefficients of standardised features that SINDy may leave out below; by cross-validation."""
-MOST_STEPS = 6
-"""Effects added by name before it stops, as `auto` does."""
 HAND_MADE = ('bias_temperature', 'bias_temperature_curvature', 'thermal_lag_two_stage')
 
 Predictor = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, int]]
@@ -146,25 +144,22 @@ def training_recording(fold: Fold) -> ImuRecording:
 
 
 def fit_named(recording: ImuRecording) -> ThermalModel:
-    """Return the model with every effect that a diagnosis names, one after the other."""
-    model = None
-    for _ in range(MOST_STEPS):
-        found = tc.diagnose([recording], model)
-        try:
-            model = tc.add([recording], found, model).model
-        except ModelError:  # it names nothing that could be added
-            break
-    return model or tc.fit([recording])
+    """Return the model with what a diagnosis names, as the verb `auto` adds it."""
+    return _automatic(recording, '--named-only')
 
 
 def fit_predictive(recording: ImuRecording) -> ThermalModel:
     """Return the model that the verb `auto` ends with."""
+    return _automatic(recording)
+
+
+def _automatic(recording: ImuRecording, *options: str) -> ThermalModel:
     with tempfile.TemporaryDirectory() as folder:
         bag, target = Path(folder, 'bag'), Path(folder, 'model.yaml')
         write_bag(recording, bag)
         said = io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            code = workbench(['auto', str(bag), '-o', str(target)])
+            code = workbench(['auto', str(bag), '-o', str(target), '--force', *options])
         if code:
             raise RuntimeError(f'auto ended with exit code {code}: {said.getvalue()[-500:]}')
         return tc.load(target)
