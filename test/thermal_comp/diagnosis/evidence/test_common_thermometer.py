@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.common_thermometer import (
+    Information,
+    SensorInformation,
+    as_far_as_it_agrees,
+    information_of_others,
+)
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.of_runs import determined_noise
@@ -78,6 +84,22 @@ def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> N
         information_of_others(searched, set(searched))['accelerometer'].normal,
     )
     assert information_of_others(searched, ()) == {}
+
+
+def test_others_tell_with_the_flaw_that_agrees_with_what_a_sensor_sees() -> None:
+    """A drift that looked like a thermometer's error made "humidity" of a sensor without one."""
+    deviation = priors.thermometer_deviations(60.0)
+    precision = np.diag((100.0 / deviation) ** 2)
+    told = Information(precision, precision @ (0.5 * deviation))
+    limited = {}
+    for seen in (0.5, -0.5):
+        own = [SensorInformation(Information(precision, precision @ (seen * deviation)), 0.0)]
+        limited[seen] = as_far_as_it_agrees(told, own).normal
+    least, most = (np.linalg.inv(limited[seen]) for seen in limited)
+    expected = {0.5: 0.1, -0.5: 1.0}
+    for seen, covariance in zip(expected, (least, most), strict=True):
+        share = np.sqrt(np.diag(covariance)) / (0.5 * deviation)
+        assert share == pytest.approx(expected[seen], rel=0.1)
 
 
 def test_what_a_lag_looks_like_has_a_name_that_can_be_added() -> None:

@@ -44,7 +44,7 @@ class Information:
 
 
 @dataclass(frozen=True, eq=False)
-class _SensorInformation:
+class SensorInformation:
     """A sensor's information beside a set of effects, and ln of what speaks for the set."""
 
     information: Information
@@ -65,23 +65,39 @@ def information_of_others(
     the temperature's history, which the thermometer may imitate. The combination of readings
     counts that is likeliest for all sensors together.
     """
-    readings = {s: _readings(*found) for s, found in searched.items() if s in understood}
-    if not readings:
+    readings = {s: _readings(*found) for s, found in searched.items()}
+    tellers = [s for s in searched if s in understood]
+    if not tellers:
         return {}
-    likeliest = max(product(*readings.values()), key=_log_posterior)
+    likeliest = max(product(*(readings[s] for s in tellers)), key=_log_posterior)
     told = {}
     for sensor in searched:
         others = [
             reading.information
-            for teller, reading in zip(readings, likeliest, strict=True)
+            for teller, reading in zip(tellers, likeliest, strict=True)
             if teller != sensor
         ]
         if others:
-            told[sensor] = _with_limited_precision(_sum(others))
+            told[sensor] = as_far_as_it_agrees(_sum(others), readings[sensor])
     return told
 
 
-def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_SensorInformation]:
+def as_far_as_it_agrees(told: Information, own: Sequence[SensorInformation]) -> Information:
+    """Return information of others with the flaw that is likeliest beside a sensor's `own`.
+
+    Effects of theirs that look like errors of the thermometer would speak against what it sees.
+    """
+
+    def log_posterior(share: float, probability: float) -> float:
+        flawed = _with_limited_precision(told, share)
+        together = [one.log_weight + _log_evidence(one.information + flawed) for one in own]
+        return log_sum(together) - _log_evidence(flawed) + float(np.log(probability))
+
+    share, _ = max(priors.THERMOMETER_FLAWS, key=lambda flaw: log_posterior(*flaw))
+    return _with_limited_precision(told, share)
+
+
+def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[SensorInformation]:
     """Return the information of one sensor beside either set."""
     best = max(sets, key=lambda s: s.log_posterior)
     plain = [s for s in sets if not any(c.form.effect.kin == 'temperature' for c in s.components)]
@@ -89,17 +105,17 @@ def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_
     return [_reading(hypotheses, some) for some in dict.fromkeys((best, without))]
 
 
-def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _SensorInformation:
+def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> SensorInformation:
     state = hypotheses.conditioned(some.components, thermometer=False)
     normal, right = state.shared_equations(hypotheses.thermometer.columns)
     left = state.chi_square - right @ pseudo_solve(normal, right[:, None])[0][:, 0]
     variance = max(float(left + NOISE_ROWS) / (state.rows + NOISE_ROWS), 1.0)
     size = hypotheses.design.size_of(hypotheses.thermometer)
     told = Information(normal * np.outer(size, size) / variance, right * size / variance)
-    return _SensorInformation(told, some.log_posterior - _log_evidence(told))
+    return SensorInformation(told, some.log_posterior - _log_evidence(told))
 
 
-def _log_posterior(readings: Sequence[_SensorInformation]) -> float:
+def _log_posterior(readings: Sequence[SensorInformation]) -> float:
     together = _sum([reading.information for reading in readings])
     return sum(reading.log_weight for reading in readings) + _log_evidence(together)
 
@@ -120,7 +136,7 @@ def _log_evidence(told: Information) -> float:
     return log_sum(parts)
 
 
-def _with_limited_precision(told: Information) -> Information:
+def _with_limited_precision(told: Information, share: float) -> Information:
     """Return the information with a precision limited to a share of the thermometer's errors.
 
     Its columns describe a thermometer only approximately.
@@ -128,7 +144,7 @@ def _with_limited_precision(told: Information) -> Information:
     deviation = priors.thermometer_deviations(max(s for s, _ in priors.THERMOMETER_LAGS_S))
     inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
     mean = deviation * np.linalg.solve(inner, told.right * deviation)
-    spread = np.diag(np.square(priors.THERMOMETER_FLAW * np.maximum(abs(mean), 0.1 * deviation)))
+    spread = np.diag(np.square(share * np.maximum(abs(mean), 0.1 * deviation)))
     softened = np.linalg.inv(np.eye(len(mean)) + told.normal @ spread)
     return Information(softened @ told.normal, softened @ told.right)
 

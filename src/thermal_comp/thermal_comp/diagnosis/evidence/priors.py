@@ -112,8 +112,9 @@ THERMOMETER_SETTLING_S = (40.0, 120.0, 360.0)
 """Times over which it settles after power-on [s] …"""
 THERMOMETER_TRANSIENT_K = 0.5
 """… and standard deviation of what it is off by at first [K]: self-heating of 0.3 to 1 K."""
-THERMOMETER_FLAW = 0.1
-"""Share of the thermometer's errors to which other sensors tell them: a lag has no exact form."""
+THERMOMETER_FLAWS = ((0.1, 0.5), (0.3, 0.3), (1.0, 0.2))
+"""Share of the thermometer's errors to which other sensors tell them, with probabilities: a lag
+has no exact form, and an effect of theirs that looks like one is told as one."""
 
 SHAPE_STEP_LN = 0.3
 """Distance of neighbouring forms on a search grid, in ln of the shape parameter."""
