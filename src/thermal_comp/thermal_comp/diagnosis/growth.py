@@ -212,8 +212,8 @@ def _with_best_of_alike(
         effect = settings.catalogue.get(name)
         if effect is None or name in there or missing_channels(effect, runs):
             continue
-        others_sensors = not set(sensors) <= set(effect.sensors)
-        if name != found.name and (effect.coupled or effect.channels or others_sensors):
+        acts_here = set(sensors) <= set(effect.sensors)
+        if name != found.name and (effect.coupled or effect.channels or not acts_here):
             continue
         report(f'adding {name} …')
         if name == found.name and all((s, name) in forms for s in sensors):

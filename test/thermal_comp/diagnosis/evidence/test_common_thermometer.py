@@ -10,8 +10,8 @@ from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.common_thermometer import (
     Information,
     SensorInformation,
-    as_far_as_it_agrees,
     information_of_others,
+    with_likeliest_flaw,
 )
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
@@ -94,7 +94,7 @@ def test_others_tell_with_the_flaw_that_agrees_with_what_a_sensor_sees() -> None
     limited = {}
     for seen in (0.5, -0.5):
         own = [SensorInformation(Information(precision, precision @ (seen * deviation)), 0.0)]
-        limited[seen] = as_far_as_it_agrees(told, own).normal
+        limited[seen] = with_likeliest_flaw(told, own).normal
     least, most = (np.linalg.inv(limited[seen]) for seen in limited)
     expected = {0.5: 0.1, -0.5: 1.0}
     for seen, covariance in zip(expected, (least, most), strict=True):

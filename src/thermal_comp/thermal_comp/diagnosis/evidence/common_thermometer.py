@@ -78,23 +78,23 @@ def information_of_others(
             if teller != sensor
         ]
         if others:
-            told[sensor] = as_far_as_it_agrees(_sum(others), readings[sensor])
+            told[sensor] = with_likeliest_flaw(_sum(others), readings[sensor])
     return told
 
 
-def as_far_as_it_agrees(told: Information, own: Sequence[SensorInformation]) -> Information:
-    """Return information of others with the flaw that is likeliest beside a sensor's `own`.
+def with_likeliest_flaw(told: Information, own: Sequence[SensorInformation]) -> Information:
+    """Return information of others with the flaw that is likeliest beside a sensor's own.
 
-    Effects of theirs that look like errors of the thermometer would speak against what it sees.
+    The evidence of both together over that of what is told: it falls where effects of the others
+    looked like errors of the thermometer, and so speak against what the sensor sees.
     """
-
-    def log_posterior(share: float, probability: float) -> float:
+    weighed = []
+    for share, probability in priors.THERMOMETER_FLAWS:
         flawed = _with_limited_precision(told, share)
         together = [one.log_weight + _log_evidence(one.information + flawed) for one in own]
-        return log_sum(together) - _log_evidence(flawed) + float(np.log(probability))
-
-    share, _ = max(priors.THERMOMETER_FLAWS, key=lambda flaw: log_posterior(*flaw))
-    return _with_limited_precision(told, share)
+        weight = log_sum(together) - _log_evidence(flawed) + float(np.log(probability))
+        weighed.append((weight, flawed))
+    return max(weighed, key=lambda pair: pair[0])[1]
 
 
 def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[SensorInformation]:

@@ -236,7 +236,8 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
 def _amplitudes_log_prior(components: Sequence[Component], known: Sequence[Component]) -> float:
     """Return ln of the prior of the amplitudes: the strongest free, the others beside it.
 
-    Where effects are `known` the strongest of them is one of the others, or what is beside.
+    The strongest of the `known` effects, those of the model, counts among them; its own prior is
+    the same for every set and left out.
     """
     strongest = [max(c.amplitude for c in known)] if known else []
     ordered = sorted([*(c.amplitude for c in components), *strongest], reverse=True)
