@@ -157,8 +157,9 @@ def _settling(conditions: Conditions) -> FloatArray:
 def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
     """(n, q) plays about the reading, one about a die in the air; others − reading [K].
 
-    The others are air, board, and a die that follows them as the reading does. Without the
-    temperature of the air it is by the humidity; what was not logged at all is no different.
+    The others are air, board, and a die that follows them as the reading does. Where the air's
+    temperature was not logged it is guessed from the humidity; of what is not known at all the
+    difference is zero.
 
     Plays of several widths together are any hysteresis (Prandtl–Ishlinskii). That about a die in
     the air counts in dwells: the die follows the swings of the air's control, which are smaller
