@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What effects look like in hindsight, and products of columns that are asked for."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from imu_recording.recording import ImuRecording
-from thermal_comp.data.conditions import Conditions
+from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.effects import EFFECTS
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -41,19 +43,23 @@ def test_other_effects_look_the_same_in_hindsight() -> None:
     )
 
 
-def design() -> CandidateDesign:
-    rng = np.random.default_rng(3)
+def at_rest_in(up_axis: str, seed: int) -> ImuRecording:
+    rng = np.random.default_rng(seed)
     still = rng.normal(0.0, 1.0, (len(TIME), 3))
     stamp = (TIME * 1e9).astype(np.int64)
-    force, field = still + [0.0, 0.0, 9.8], 1e-6 * still
-    recording = ImuRecording(stamp, still, force, field, ramps(), up_axis='+z')
-    runs = prepare_inputs([recording]).runs
+    force = still + 9.8 * np.eye(3)['xyz'.index(up_axis[1])]
+    return ImuRecording(stamp, still, force, 1e-6 * still, ramps(), up_axis=up_axis)
+
+
+def design(poses: Sequence[str], sensor: Sensor, *base: str) -> CandidateDesign:
+    """Return that of a device at rest."""
+    runs = prepare_inputs([at_rest_in(up, 3 + k) for k, up in enumerate(poses)]).runs
     noise = NoiseModel(np.ones(3), np.zeros(0), np.zeros((0, 3)))
-    return CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [EFFECTS['bias_temperature']()])
+    return CandidateDesign(ColumnSource(runs), sensor, noise, [EFFECTS[name]() for name in base])
 
 
 def test_products_are_those_of_the_whitened_columns_whenever_they_are_asked_for() -> None:
-    made = design()
+    made = design(('+z',), 'gyroscope', 'bias_temperature')
     lags = [EFFECTS['thermal_lag'](time_constant=t) for t in (40.0, 90.0, 300.0)]
     first = made.terms([lags[0], EFFECTS['temperature_rate']()])
     with made.trials():
@@ -67,8 +73,18 @@ def test_products_are_those_of_the_whitened_columns_whenever_they_are_asked_for(
         np.testing.assert_allclose(right, whitened.T @ made.target[axis], atol=1e-12)
 
 
+def test_axes_that_share_coefficients_of_the_base_model_have_them_taken_out_together() -> None:
+    made = design(('+x', '+y', '+z'), 'accelerometer', 'fixture_tilt')
+    levels = design(('+x', '+y', '+z'), 'accelerometer')
+    columns = levels.whitened_columns([levels.term(EFFECTS['fixture_tilt']())])
+    fitted = np.linalg.lstsq(np.concatenate(columns), np.concatenate(levels.target), rcond=None)[0]
+    left = np.stack([t - c @ fitted for t, c in zip(levels.target, columns, strict=True)])
+    np.testing.assert_allclose(made.target, left, atol=1e-9)
+    assert made.base_rank == levels.base_rank + 2  # a turn about the vertical does nothing
+
+
 def test_what_others_tell_of_a_term_stays_when_further_products_are_computed() -> None:
-    made = design()
+    made = design(('+z',), 'gyroscope', 'bias_temperature')
     told = made.term(EFFECTS['thermal_lag'](time_constant=90.0))
     before = made.equations(told.columns)[0]
     made.inform(told, np.eye(len(told.columns)), np.ones(len(told.columns)))

@@ -23,7 +23,7 @@ from thermal_comp.linear.columns import (
     project_out,
     stack_runs,
 )
-from thermal_comp.linear.normal_equations import taken_out
+from thermal_comp.linear.normal_equations import pseudo_solve, taken_out
 from thermal_comp.linear.product_table import ProductTable
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
@@ -120,14 +120,21 @@ class CandidateDesign:
         self._table = ProductTable(self.rows)
         self._size = np.zeros(0)
         levels = [run.level_columns[ok] for run, ok in zip(runs, self.valid, strict=True)]
-        known = [per_axis(stack_runs(levels, per_run=True))[0], self._thermometer_noise()]
-        known += [per_axis(self._evaluated(effect))[0] for effect in base]
-        whitened = self.whitening.whitened(np.concatenate(known, axis=2))
+        own = [per_axis(stack_runs(levels, per_run=True))[0], self._thermometer_noise()]
+        common: list[FloatArray] = []
+        for columns, shared in (per_axis(self._evaluated(effect)) for effect in base):
+            (common if shared else own).append(columns)
+        whitened = self.whitening.whitened(np.concatenate(own, axis=2))
         self.base = [orthonormal(columns) for columns in whitened]
+        """(rows, p) of each axis: what other columns are made orthogonal to."""
         self.log_density = -self.whitening.log_deviations - sum(map(log_volume, whitened))
         """ln of the density of the rows less −χ²/2: of their noise, levels and base model."""
         self.base_rank = sum(q.shape[1] for q in self.base)
         self.target = self._residual(measured)
+        self.shared_base = ColumnGroup((), shared=True)
+        """Columns of the base model whose coefficients the axes share."""
+        if common:
+            self._take_out_shared(np.concatenate(common, axis=2))
         self.chi_square = float((self.target**2).sum())
         """χ² of the residual of the base model, and of further equations."""
 
@@ -297,6 +304,23 @@ class CandidateDesign:
         return np.stack(
             [project_out(*pair)[:, 0] for pair in zip(self.base, whitened, strict=True)]
         )
+
+    def _take_out_shared(self, columns: FloatArray) -> None:
+        """Take columns (rows, 3, p) with coefficients that the axes share out of the target.
+
+        Other columns cannot be made orthogonal to them axis by axis: who weighs these has to allow
+        for those, too.
+        """
+        (group,) = self._append([columns])
+        self.shared_base = replace(group, shared=True)
+        normal, right = self.equations(group.columns)
+        fitted, rank = pseudo_solve(normal.sum(axis=0), right.sum(axis=0)[:, None])
+        place = slice(group.columns[0], group.columns[-1] + 1)
+        self.target -= fitted[:, 0] @ self._table.columns[:, place]
+        self._table.settle([place], self.target)
+        size = self.size_of(group)
+        self.log_density -= float(np.log(size[size > 0.0]).sum())
+        self.base_rank += rank
 
     def _append(self, parts: Sequence[FloatArray]) -> list[ColumnGroup]:
         """Whiten, project and keep columns (rows, 3, p) of several parts."""

@@ -16,7 +16,7 @@ from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.of_runs import determined_noise
 
-from ...campaign import WHITE, chamber, lagging, run
+from ...campaign import FIELD, WHITE, chamber, lagging, run
 
 PERIOD = 20.0
 SENSOR = 'gyroscope'
@@ -64,6 +64,27 @@ def test_a_further_effect_is_as_likely_beside_the_model_as_it_was_in_the_set() -
     for name in ('thermal_lag', 'warm_up'):
         before = together.probability_of(name)
         assert after.probability_of(name) == pytest.approx(before, abs=0.1), name
+
+
+def test_coefficients_that_axes_share_hide_no_more_than_they_can_do() -> None:
+    """Three poses tell a field of the chamber from a scale factor, whether it is known or not."""
+    die = chamber(3, PERIOD)[1]
+    warmth = die - 20.0
+    runs = []
+    for k, up in enumerate(('+x', '+y', '+z')):
+        pose = np.roll(np.eye(3), k + 1, axis=0)
+        turned = pose @ [6e-8, -4e-8, 3e-8] + [1.2e-3, -0.9e-3, 1.0e-3] * (pose @ FIELD)
+        error = {'magnetic_field': np.multiply.outer(warmth, turned)}
+        runs.append(run(up, seed=k, cycles=3, period=PERIOD, error=error))
+    prepared = prepare(runs)
+    names = ('fixture_hard_iron', 'scale_factor_temperature', 'warm_up')
+    for known in ((), (EFFECTS['fixture_hard_iron'](),)):
+        base = {'magnetometer': (LINE, *known)}
+        noise = determined_noise(prepared, base)[0]
+        settings = Settings({name: EFFECTS[name] for name in names})
+        said = search_sensors(prepared, base, noise, settings)['magnetometer'].likeliest
+        assert {*said.names, *(e.name for e in known)} == {*names[:2]}
+        assert said.probability > 0.9
 
 
 def test_what_the_equation_of_the_model_lacks_is_not_a_second_effect() -> None:

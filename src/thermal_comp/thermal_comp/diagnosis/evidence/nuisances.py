@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every hypothesis allows for: slow noise beyond the fitted one, errors of thermometers.
 
-And what rounding of the sensor's own counts and readings that were held leave.
+And what rounding of the sensor's own counts and readings that were held leave, and coefficients of
+the base model that the axes share.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ LEAST_HELD_BLOCKS, MOST_HELD = 3.0, 6
 """Blocks for which a reading is held, at least, and number of such stretches of a run."""
 HELD_TERMS = 3
 """Coefficients of a stretch."""
+FREE_DEVIATION = 1e5
+"""Deviation of a coefficient that may have any value, of a column of unit length."""
 COVARIANCE_INSTANTS = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
@@ -52,7 +55,7 @@ def nuisance_priors(
 
     The first of each is the thermometer's errors.
     """
-    unread = [*_between_counts(design, response), *rounding_errors(design)]
+    always = [*_between_counts(design, response), *rounding_errors(design), *_of_base(design)]
     slow = design.generic_terms([(partial(_slow_directions, design), True)])[0]
     size = design.size_of(slow)
     alternatives = []
@@ -62,7 +65,7 @@ def nuisance_priors(
     ):
         deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
-        allowed += unread
+        allowed += always
         if excess > 0.0:
             deviation = np.sqrt(excess * place**-power) * size
             allowed.append(CoefficientPrior(slow.columns, shared=False, deviation=deviation))
@@ -92,6 +95,14 @@ def _between_counts(design: CandidateDesign, response: Response | None) -> list[
     if not term.columns:
         return []
     return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
+
+
+def _of_base(design: CandidateDesign) -> list[CoefficientPrior]:
+    """Return the coefficients of the base model that the axes share, all equally likely."""
+    term = design.shared_base
+    if not term.columns:
+        return []
+    return [CoefficientPrior(term.columns, True, np.full(len(term.columns), FREE_DEVIATION))]
 
 
 def _directions_per_run(design: CandidateDesign) -> int:
