@@ -24,7 +24,7 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
 
     if len(before) < LEAST_HELD_OUT_PARTS:
         return False
-    before, after = _in_floors(before, noise), _in_floors(after, noise)
+    before, after = in_floors(before, noise), in_floors(after, noise)
     if not falls_enough(before.sum(), after.sum()):
         return False
     fall = np.log(before / after)
@@ -44,10 +44,10 @@ def rises(before: float, after: float) -> bool:
 
 def parts_that_fall(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> int:
     """Return in how many parts mean squares fall; arguments as of `falls`."""
-    return int(np.sum(_in_floors(after, noise) < _in_floors(before, noise)))
+    return int(np.sum(in_floors(after, noise) < in_floors(before, noise)))
 
 
-def _in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
+def in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
     """Return (k,) means over the axes of squares in those of noise, each at least 1."""
     above: FloatArray = np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
     return above

@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
-from thermal_comp.diagnosis.evidence.set_fit import fitted_set
-from thermal_comp.diagnosis.sensor_answer import SensorAnswer
+from thermal_comp.diagnosis.evidence.set_fit import fitted_set, scaled
+from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES, SensorAnswer
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_evidence
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_evidence, log_sum
 from thermal_comp.linear.normal_equations import pseudo_solve
 
 EXTENDED_SETS = 5
@@ -41,31 +43,52 @@ def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
     return sets
 
 
-def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
-    """Return ln of what other sensors add to the odds of an effect of the first; −∞: refuted.
+def weighed_by_all(effect: Effect, searched: Sequence[SensorAnswer]) -> list[EffectSet]:
+    """Return the sets of the first sensor, those with an effect as all sensors together see them.
 
     One set of coefficients is fitted to all sensors, beside what else was named. Where other
     sensors do not feel the effect, it explains less than coefficients of the first sensor alone: a
     scale factor that is equal on all axes is a tilt to the accelerometer in three orientations,
-    but not to the magnetometer. The prior of the coefficients is as wide as in the first sensor.
-    In the others the effect replaces its kin or stands beside them, whichever is likelier: a field
-    of the chamber that turns with the device hides how a tilt turns it.
+    but not to the magnetometer. What the others add is no sign of what looks like the effect in
+    the first sensor. In the others the effect replaces its kin or stands beside them, whichever is
+    likelier: a field of the chamber that turns with the device hides how a tilt turns it. Where
+    they refute it, the sets with it are left out.
     """
-    deviation = _coefficient_deviation(effect, searched[0])
-    first = _SensorEquations.beside(searched[0], effect, _other_components(effect, searched[0]))
-    alone = _log_weight([first], deviation)
-    best = -np.inf
-    for beside_kin in (False, True):
-        others = [
-            _SensorEquations.beside(
-                answer, effect, _other_components(effect, answer, with_kin=beside_kin)
-            )
-            for answer in searched[1:]
+    first, *others = searched
+    design = first.hypotheses.design
+    deviations = priors.AMPLITUDES / float(design.size_of(design.term(effect)).max())
+    seen = [
+        [
+            _SensorEquations.beside(a, effect, _other_components(effect, a, with_kin=k))
+            for a in others
         ]
-        odds = sum(one.log_odds for one in others)
-        best = max(best, odds + _log_weight([first, *others], deviation) - alone)
-    refuted = -0.5 * max(REFUTING_CHI2, REFUTING_SHARE * first.explained)
-    return best if best > refuted else -np.inf
+        for k in (False, True)
+    ]
+    # What has no name in another sensor is no sign of an effect that this one feels.
+    limit = 0.0 if any(answer.kind in UNNAMED_CAUSES for answer in others) else np.inf
+    said = sum(a.set_of(a.likeliest.components).log_posterior for a in others)
+    sets = [s for s in first.sets if effect.name not in s.names]
+    for some in with_effect(effect.name, first):
+        rest = [c for c in some.components if c.name != effect.name]
+        own = _SensorEquations.beside(first, effect, rest)
+        strongest = max((c.amplitude for c in rest), default=None)
+        widths = deviations, priors.amplitude_log_prior(strongest)
+        alone = _log_weight([own], *widths)
+        together = [
+            sum(one.log_posterior for one in each) + _log_weight([own, *each], *widths)
+            for each in seen
+        ]
+        support = max(together) - said - alone
+        refuted = -0.5 * max(REFUTING_CHI2, REFUTING_SHARE * own.explained)
+        if support > refuted:
+            support = min(support, limit)
+            more = len(some.components)
+            one_more = first.hypotheses.log_prior(more) - first.hypotheses.log_prior(more - 1)
+            # One that is small in the first sensor may have any size there that is not seen.
+            unseen = own.log_posterior + one_more + alone
+            posterior = max(some.log_posterior, unseen) + support
+            sets.append(replace(some, log_prior=some.log_prior + support, log_posterior=posterior))
+    return sets
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +100,9 @@ class _SensorEquations:
     """(p, p) normal matrix of the coefficients, in their own units."""
     right: FloatArray
     """(p,) right-hand side."""
-    log_odds: float
-    """ln of the odds of those own effects against the sensor's likeliest set."""
+    log_posterior: float
+    """Of those own effects, beside the noise that is likeliest with the coupled one: louder noise
+    may do what it does."""
 
     @classmethod
     def beside(
@@ -87,12 +111,15 @@ class _SensorEquations:
         """Return the equations of a sensor beside given components."""
         hypotheses = answer.hypotheses
         term = hypotheses.design.term(effect)
-        state = hypotheses.conditioned(others)
+        its = Component(form_of(hypotheses.design, effect, None), float(priors.AMPLITUDES[0]), 1)
+        together = scaled(hypotheses, [*others, its], len(others))[0]
+        state = hypotheses.conditioned(others, further=together[-1:])
+        noise = hypotheses.likeliest_alternative(together)[0] + state.log_evidence
         size = hypotheses.design.size_of(term)
         normal, right = state.shared_equations(term.columns)
-        said = answer.set_of(answer.likeliest.components)
-        log_odds = answer.set_of(others).log_posterior - said.log_posterior
-        return cls(state, normal * np.outer(size, size), right * size, log_odds)
+        known = answer.set_of(others)
+        log_posterior = known.log_posterior - hypotheses.log_evidence(known.components) + noise
+        return cls(state, normal * np.outer(size, size), right * size, log_posterior)
 
     def log_gain(self, coefficients: FloatArray) -> float:
         """Return ln of the evidence that given coefficients (p,) add."""
@@ -108,18 +135,23 @@ class _SensorEquations:
         return float(self.right @ answer[:, 0])
 
 
-def _log_weight(told: Sequence[_SensorEquations], deviation: float) -> float:
+def _log_weight(
+    told: Sequence[_SensorEquations], deviations: FloatArray, log_prior: FloatArray
+) -> float:
     """Return ln of the evidence that coefficients add, one set for all, integrated over them.
 
     Laplace's approximation about the likeliest coefficients by all equations and their prior, a
-    Gaussian of standard deviation `deviation`.
+    Gaussian; `deviations` (s,) are those it may have, in the coefficients' unit, with `log_prior`.
     """
-    normal = deviation**2 * np.sum([one.normal for one in told], axis=0)
-    right = deviation**2 * np.sum([one.right for one in told], axis=0)
-    inner = np.eye(len(right)) + normal
-    likeliest = np.linalg.solve(inner, right)
-    prior = float(likeliest @ likeliest) / deviation**2 + float(np.linalg.slogdet(inner)[1])
-    return sum(one.log_gain(likeliest) for one in told) - 0.5 * prior
+    normal = np.sum([one.normal for one in told], axis=0)
+    right = np.sum([one.right for one in told], axis=0)
+    found = []
+    for deviation in deviations:
+        inner = np.eye(len(right)) + deviation**2 * normal
+        likeliest = np.linalg.solve(inner, deviation**2 * right)
+        prior = float(likeliest @ likeliest) / deviation**2 + float(np.linalg.slogdet(inner)[1])
+        found.append(sum(one.log_gain(likeliest) for one in told) - 0.5 * prior)
+    return log_sum(np.array(found) + log_prior)
 
 
 def _other_components(
@@ -131,10 +163,3 @@ def _other_components(
         return [c for c in with_it.components if c.name != effect.name]
     said = answer.likeliest.components
     return [c for c in said if with_kin or not c.form.effect.is_kin_of(effect)]
-
-
-def _coefficient_deviation(effect: Effect, answer: SensorAnswer) -> float:
-    """Return the prior standard deviation of an effect's coefficients, in their own unit."""
-    found = (c for s in answer.sets for c in s.components if c.name == effect.name)
-    size = answer.hypotheses.design.size_of(answer.hypotheses.design.term(effect))
-    return next(found).amplitude / float(size.max())

@@ -32,6 +32,8 @@ class Step:
     """Parts that were held out in turn."""
     parts_lowered: int = 0
     """Those of them whose error falls."""
+    replaced: tuple[str, ...] = ()
+    """Effects in whose place it stands."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -46,6 +48,7 @@ class Step:
             'lowered': self.lowered,
             'parts': self.parts,
             'parts_lowered': self.parts_lowered,
+            'replaced': list(self.replaced),
         }
 
 
@@ -73,10 +76,14 @@ class Growth(Presented):
         for sensor, before in self.before.sensors.items():
             after = self.after.sensors[sensor]
             steps = [step for step in self.steps if sensor in step.sensors]
+            terms: list[str] = []
+            for step in steps:
+                terms = [name for name in terms if name not in step.replaced]
+                terms += step.added.split(' + ')
             made.append(
                 Prediction(
                     sensor,
-                    tuple(name for step in steps for name in step.added.split(' + ')),
+                    tuple(terms),
                     rms_of(before.held_out_rms),
                     rms_of(after.held_out_rms),
                     rms_of(after.noise_floor),
@@ -104,6 +111,7 @@ def step_of(
     sensors: tuple[Sensor, ...],
     ambiguous_with: tuple[str, ...],
     empirical: bool,
+    replaced: tuple[str, ...],
 ) -> Step:
     """Return the step the held-out error takes on the first of the sensors."""
     squares = before.held_out_squares, after.held_out_squares, after.noise_floor**2
@@ -118,4 +126,5 @@ def step_of(
         lowered=falls(*squares),
         parts=len(after.held_out_squares),
         parts_lowered=parts_that_fall(*squares),
+        replaced=replaced,
     )

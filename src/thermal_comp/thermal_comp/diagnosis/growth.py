@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from thermal_comp.comparison.compare import (
 )
 from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.improvement import falls_enough, in_floors
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
@@ -110,8 +112,8 @@ def grow(
 
     A name whose correction raises the held-out error is left out: a derivative may let more of the
     thermometer's noise through than it takes away. What is left is taken out by whatever lowers
-    the held-out error by more than chance: effects whose cause is undecided, then the empirical
-    term; not with `named_only`.
+    the held-out error by more than chance: effects whose cause is undecided, beside those named or
+    in their place, then the empirical term; not with `named_only`.
     """
     noise = weights = _noise_of(runs, model)
     steps: list[Step] = []
@@ -135,7 +137,7 @@ def grow(
             break
     if not named_only:
         report('looking for what repeats without a name …')
-        further = _with_predictive_terms(current, runs, settings, diagnosis)
+        further = _with_predictive_terms(current, _base(runs, model), runs, settings, diagnosis)
         if further is not None:
             growth, first = further, first or further.before
             steps += further.steps
@@ -245,46 +247,71 @@ def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
 
 def _with_predictive_terms(
     model: ThermalModel | None,
+    first: Listed,
     runs: Sequence[PreparedRun],
     settings: Settings,
     diagnosis: Diagnosis,
 ) -> Growth | None:
     """Return the model with what lowers the held-out error, cause undecided; None: nothing.
 
-    What the diagnosis thinks possible is tried beside what forward selection finds.
+    What the diagnosis thinks possible is tried beside what forward selection finds, and what it
+    finds beside the `first` effects in place of those that were named since.
     """
     listed, noise = _base(runs, model), _noise_of(runs, model)
     tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
-    chosen = {}
+    kept: dict[Sensor, tuple[Effect, ...]] = {}
+    beside: dict[Sensor, tuple[Effect, ...]] = dict(listed)
     offered = {name for name, effect in settings.catalogue.items() if not effect.coupled}
     for s in tried:
         said = [e.names for e in diagnosis.explanations if e.sensor == s]
         own = (tuple(name for name in names if name in offered) for names in said)
         possible = [names for names in own if names]
-        chosen[s] = predictive_effects(runs, s, listed[s], noise[s], settings.catalogue, possible)
-    beside = {s: (*listed[s], *chosen.get(s, ())) for s in listed}
-    if any(chosen.values()):
+        choose = partial(predictive_effects, runs, s, noise=noise[s], catalogue=settings.catalogue)
+        kept[s] = listed[s]
+        beside[s] = (*listed[s], *choose(listed[s], candidates=possible))
+        if len(listed[s]) > len(first[s]):
+            other = (*first[s], *choose(first[s]))
+            if _predicts_better(runs, s, beside[s], other):
+                kept[s], beside[s] = first[s], other
+    changed = [s for s in tried if beside[s] != listed[s]]
+    if changed:
         fitted = fit_prepared(beside, runs, noise=noise)
         # The shapes that fit all rows best may be worse on parts that no fit has seen.
-        forms = {s: (fitted.sensors[s].effects, beside[s]) for s in listed}
-        beside = {
-            s: best_held_out(runs, s, forms[s], noise[s]) if chosen.get(s) else forms[s][0]
-            for s in listed
-        }
+        for s in listed:
+            forms = (fitted.sensors[s].effects, beside[s])
+            beside[s] = best_held_out(runs, s, forms, noise[s]) if s in changed else forms[0]
         noise = determined_noise(runs, beside)[0]
     terms = {s: empirical_form(runs, s, beside[s], noise[s]) for s in tried if s in noise}
     added = {
-        s: (*beside[s][len(listed[s]) :], *([term] if (term := terms.get(s)) else []))
-        for s in tried
+        s: (*beside[s][len(kept[s]) :], *([term] if (term := terms.get(s)) else [])) for s in tried
     }
     added = {s: effects for s, effects in added.items() if effects}
     if not added:
         return None
-    grown = _with_effects(model, runs, noise, listed, added, empirical=True)
-    kept = {s: effects for s, effects in added.items() if not held_out_error_rises(grown, [s])}
-    if len(kept) < len(added):  # refitted together they do not keep what they promised
-        return _with_effects(model, runs, noise, listed, kept, empirical=True) if kept else None
+    grown = _with_effects(model, runs, noise, listed, added, kept=kept, empirical=True)
+    good = {s: effects for s, effects in added.items() if not held_out_error_rises(grown, [s])}
+    if len(good) < len(added):  # refitted together they do not keep what they promised
+        if not good:
+            return None
+        return _with_effects(model, runs, noise, listed, good, kept=kept, empirical=True)
     return grown
+
+
+def _predicts_better(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    named: tuple[Effect, ...],
+    other: tuple[Effect, ...],
+) -> bool:
+    """Tell whether other effects leave less than the named ones on parts that no fit has seen."""
+    left = []
+    for effects in (named, other):
+        noise = determined_noise(runs, {sensor: effects})[0]
+        fitted = fit_prepared({sensor: effects}, runs, noise=noise)
+        left.append(compare_prepared(fitted, runs).sensors[sensor])
+    floor = left[0].noise_floor ** 2
+    before, after = (in_floors(one.held_out_squares, floor).sum() for one in left)
+    return falls_enough(before, after)
 
 
 def _shared_or_empirical(effect: Effect) -> bool:
@@ -340,12 +367,21 @@ def _with_effects(
     chosen: Mapping[Sensor, Sequence[Effect]],
     ambiguous_with: tuple[str, ...] = (),
     *,
+    kept: Listed | None = None,
     empirical: bool = False,
 ) -> Growth:
-    """Return the model with the chosen effects; `empirical`: a step a sensor, shapes stand."""
-    new: Listed = {
-        s: joined_effects([*effects, *chosen.get(s, ())]) for s, effects in listed.items()
+    """Return the model with the chosen effects; `empirical`: a step a sensor, shapes stand.
+
+    They stand beside those `kept`, or beside all.
+    """
+    stay = {
+        s: (kept or {}).get(s, effects) if s in chosen else effects
+        for s, effects in listed.items()
     }
+    new: Listed = {
+        s: joined_effects([*effects, *chosen.get(s, ())]) for s, effects in stay.items()
+    }
+    replaced = {s: tuple(e.name for e in listed[s][len(stay[s]) :]) for s in listed}
     plain = fit_prepared(listed, runs, noise=noise, refine=False)
     grown = fit_prepared(new, runs, noise=noise, refine=not empirical)
     after = compare_prepared(grown, runs)
@@ -356,7 +392,13 @@ def _with_effects(
     groups = [(s,) for s in chosen] if empirical else [tuple(chosen)]
     steps = tuple(
         step_of(
-            before.sensors[g[0]], after.sensors[g[0]], names[g[0]], g, ambiguous_with, empirical
+            before.sensors[g[0]],
+            after.sensors[g[0]],
+            names[g[0]],
+            g,
+            ambiguous_with,
+            empirical,
+            replaced[g[0]],
         )
         for g in groups
     )

@@ -14,7 +14,7 @@ from thermal_comp.data.blocks import in_search_blocks
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import spectral_lines
-from thermal_comp.diagnosis.coupled_effects import coupled_support, with_effect
+from thermal_comp.diagnosis.coupled_effects import weighed_by_all
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
@@ -168,21 +168,7 @@ class SensorSearches:
         ):
             return {}
         first, *others = asked
-        support = coupled_support(effect(), [found[sensor] for sensor in asked])
-        if any(found[s].kind in UNNAMED_CAUSES for s in others):
-            # What has no name in another sensor is no sign of an effect that this one feels.
-            support = min(support, 0.0)
-        sets = [s for s in found[first].sets if effect.name not in s.names]
-        if support > -np.inf:
-            # It speaks for the effect itself, not for what looks like it in the first sensor.
-            sets += [
-                replace(
-                    s,
-                    log_prior=s.log_prior + support,
-                    log_posterior=s.log_posterior + support,
-                )
-                for s in with_effect(effect.name, found[first])
-            ]
+        sets = weighed_by_all(effect(), [found[sensor] for sensor in asked])
         weighed = self._answer(found[first].hypotheses, sets)
         again = {first: replace(weighed, usual_noise=found[first].usual_noise)}
         forms = [form for form in again[first].named if form.name == effect.name]

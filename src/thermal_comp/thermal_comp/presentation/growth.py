@@ -28,7 +28,7 @@ def growth_text(content: Mapping[str, Any]) -> str:
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
         added = f'{step["added"]}, cause undecided,' if step['empirical'] else step['added']
         lines.append(
-            f'added {added} to the {step["sensor"]}{doubt}: held-out error '
+            f'added {added} to the {step["sensor"]}{_place(step)}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
             f'{_doubt_about_fall(step)}'
@@ -40,6 +40,11 @@ def growth_text(content: Mapping[str, Any]) -> str:
     lines.append(comparison_text(content))
     lines += [f'note: {note}' for note in dict.fromkeys(content['undetermined'])]
     return '\n'.join(lines)
+
+
+def _place(step: Mapping[str, Any]) -> str:
+    """Return in whose place a step's effects stand; '' beside all."""
+    return f' in place of {", ".join(step["replaced"])}' if step['replaced'] else ''
 
 
 def _doubt_about_fall(step: Mapping[str, Any]) -> str:
@@ -74,7 +79,7 @@ def table(content: Mapping[str, Any]) -> str:
         unit = DISPLAY_UNITS[step['sensor'].split('+')[0]]
         values = [shown(step[key] * unit.factor) for key in ERROR_KEYS]
         rivals = ', '.join(step['ambiguous_with'])
-        rows.append([step['added'], step['sensor'], *values, unit.unit, rivals])
+        rows.append([step['added'] + _place(step), step['sensor'], *values, unit.unit, rivals])
     notes = [*shape_lines(content['parameters']), *dict.fromkeys(content['undetermined'])]
     title = 'added to the model' if rows else 'nothing was added'
     return html_table(title, head, rows, notes)

@@ -80,8 +80,8 @@ class SensorHypotheses:
         self.rows = 3 * design.rows - design.base_rank
         self.fits: dict[Names, tuple[Component, ...]] = {}
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
-        self._likeliest: dict[Hashable, Sequence[CoefficientPrior]] = {}
-        """Components → the nuisances that are likeliest beside them."""
+        self._likeliest: dict[Hashable, tuple[float, Sequence[CoefficientPrior]]] = {}
+        """Components → the alternative of the nuisances that is likeliest beside them."""
         self._felt_between: dict[Hashable, Sequence[CoefficientPrior]] = {}
         """Components → what they make of the temperature between bursts."""
         self._weigh_nuisances()
@@ -107,16 +107,22 @@ class SensorHypotheses:
         self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
         """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
 
-    def likeliest_nuisances(self, components: Sequence[Component]) -> Sequence[CoefficientPrior]:
-        """Return the alternative of the nuisances that is likeliest beside components.
+    def likeliest_alternative(
+        self, components: Sequence[Component]
+    ) -> tuple[float, Sequence[CoefficientPrior]]:
+        """Return the alternative of the nuisances that is likeliest beside components, ln first.
 
         Slow noise seen beside no effect may be what a large effect has done.
         """
         key = _key(components)
         if key not in self._likeliest:
             likely = [ln + evidence for ln, (evidence, _) in self._alternatives(components)]
-            self._likeliest[key] = self.nuisances[int(np.argmax(likely))][1]
+            self._likeliest[key] = self.nuisances[int(np.argmax(likely))]
         return self._likeliest[key]
+
+    def likeliest_nuisances(self, components: Sequence[Component]) -> Sequence[CoefficientPrior]:
+        """Return the nuisances that are likeliest beside components."""
+        return self.likeliest_alternative(components)[1]
 
     def _prior_chi2(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
@@ -132,13 +138,15 @@ class SensorHypotheses:
         generic: Sequence[CoefficientPrior] = (),
         *,
         thermometer: bool = True,
+        further: Sequence[Component] = (),
     ) -> ConditionedDesign:
         """Return the equations with nuisances and components integrated out.
 
         `generic`: generic regressors' coefficients are integrated out as well; `thermometer`:
-        whether the thermometer's errors are.
+        whether the thermometer's errors are. Nuisances are those likeliest beside the components
+        and `further` ones.
         """
-        nuisances = self.likeliest_nuisances(components)
+        nuisances = self.likeliest_nuisances((*components, *further))
         key = _key(components)
         if key not in self._felt_between:
             felt = felt_errors(self.design, components, nuisances)
