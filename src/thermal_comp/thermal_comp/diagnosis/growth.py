@@ -11,12 +11,13 @@ import numpy as np
 
 from thermal_comp.comparison.compare import (
     Comparison,
+    SensorComparison,
     compare_prepared,
     rms_of,
 )
 from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.improvement import falls_enough, in_floors
+from thermal_comp.data.improvement import falls_enough, in_floors, may_fall
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
@@ -269,10 +270,10 @@ def _with_predictive_terms(
         choose = partial(predictive_effects, runs, s, noise=noise[s], catalogue=settings.catalogue)
         kept[s] = listed[s]
         beside[s] = (*listed[s], *choose(listed[s], candidates=possible))
-        if len(listed[s]) > len(first[s]):
-            other = (*first[s], *choose(first[s]))
-            if _predicts_better(runs, s, beside[s], other):
-                kept[s], beside[s] = first[s], other
+        if len(listed[s]) > len(first[s]) and (
+            other := _in_place_of_named(runs, s, beside[s], first[s], choose)
+        ):
+            kept[s], beside[s] = first[s], other
     changed = [s for s in tried if beside[s] != listed[s]]
     if changed:
         fitted = fit_prepared(beside, runs, noise=noise)
@@ -297,21 +298,30 @@ def _with_predictive_terms(
     return grown
 
 
-def _predicts_better(
+def _in_place_of_named(
     runs: Sequence[PreparedRun],
     sensor: Sensor,
     named: tuple[Effect, ...],
-    other: tuple[Effect, ...],
-) -> bool:
-    """Tell whether other effects leave less than the named ones on parts that no fit has seen."""
-    left = []
-    for effects in (named, other):
+    first: tuple[Effect, ...],
+    choose: Callable[[tuple[Effect, ...]], tuple[Effect, ...]],
+) -> tuple[Effect, ...]:
+    """Return effects chosen beside the first that leave less on held-out parts than named ones.
+
+    (): none do, or what the named ones leave is no more than noise.
+    """
+
+    def left(effects: tuple[Effect, ...]) -> SensorComparison:
         noise = determined_noise(runs, {sensor: effects})[0]
         fitted = fit_prepared({sensor: effects}, runs, noise=noise)
-        left.append(compare_prepared(fitted, runs).sensors[sensor])
-    floor = left[0].noise_floor ** 2
-    before, after = (in_floors(one.held_out_squares, floor).sum() for one in left)
-    return falls_enough(before, after)
+        return compare_prepared(fitted, runs).sensors[sensor]
+
+    before = left(named)
+    floor = before.noise_floor**2
+    if not may_fall(before.held_out_squares, floor) or not (other := choose(first)):
+        return ()
+    after = left((*first, *other))
+    sums = (in_floors(one.held_out_squares, floor).sum() for one in (before, after))
+    return (*first, *other) if falls_enough(*sums) else ()
 
 
 def _shared_or_empirical(effect: Effect) -> bool:
