@@ -154,12 +154,7 @@ def _log_weight(
     return log_sum(np.array(found) + log_prior)
 
 
-def _other_components(
-    effect: Effect, answer: SensorAnswer, *, with_kin: bool = False
-) -> list[Component]:
-    """Return the other effects of a sensor's likeliest set; its kin among them only `with_kin`."""
-    with_it = next((s for s in answer.sets if effect.name in s.names), None)
-    if with_it is not None:
-        return [c for c in with_it.components if c.name != effect.name]
+def _other_components(effect: Effect, answer: SensorAnswer, *, with_kin: bool) -> list[Component]:
+    """Return the effects of a sensor's likeliest set; kin of the effect only `with_kin`."""
     said = answer.likeliest.components
     return [c for c in said if with_kin or not c.form.effect.is_kin_of(effect)]
