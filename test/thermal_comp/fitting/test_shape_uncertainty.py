@@ -2,6 +2,7 @@
 """Stated standard deviations of shape parameters are those by which they miss the truth."""
 
 import numpy as np
+import pytest
 from imu_recording.recording import FloatArray
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
@@ -15,6 +16,7 @@ from thermal_comp.model.values import NoiseModel, SensorModel
 
 from ..campaign import PERIOD, WHITE, chamber, lagging, run
 
+FIELD = 'magnetometer'
 DENSITY = WHITE['angular_velocity']
 AXES = np.array([1.0, -0.6, 0.8])
 NOISE = NoiseModel(np.full(3, DENSITY), np.array([200.0, 4000.0]), np.full((2, 3), 0.4 * DENSITY))
@@ -62,20 +64,47 @@ def test_the_frequency_of_a_line_is_known_to_a_part_of_a_period_over_the_run() -
     assert abs(model.effects[1].frequency - 0.0102) < 2.0 * std
 
 
-def test_where_water_freezes_is_part_of_what_is_not_known_about_ice() -> None:
-    temperature = chamber(2)[1]
+def iced(temperature: FloatArray, offset: float) -> FloatArray:
+    """(n,) ice that grows in 1500 s and melts in 400; the thermometer reads `offset` too much."""
     ice = [0.0]
     for now in temperature[1:]:
-        # The thermometer reads 0.4 K too much.
-        change = (1.0 - ice[-1]) / 1500.0 if now < 0.4 else -ice[-1] / 400.0
+        change = (1.0 - ice[-1]) / 1500.0 if now < offset else -ice[-1] / 400.0
         ice.append(ice[-1] + PERIOD * change)
-    wave = 100.0 * DENSITY * np.array(ice)[:, None] * AXES
+    return np.array(ice)
+
+
+def test_where_water_freezes_is_part_of_what_is_not_known_about_ice() -> None:
+    wave = 100.0 * DENSITY * iced(chamber(2)[1], 0.4)[:, None] * AXES
     for model in fitted(EFFECTS['icing'](1500.0, 400.0), wave, range(2)):
         for name, truth in (('growth_time', 1500.0), ('melt_time', 400.0)):
             (std,) = model.shape_std[f'icing.{name}']
             off = abs(getattr(model.effects[1], name) - truth)
             assert off < 2.0 * std
             assert std < 0.05 * truth
+
+
+def test_ice_is_known_as_well_beside_an_effect_that_other_sensors_share() -> None:
+    """Columns of the other sensor's shapes stood where those of the ice were looked up."""
+    density = WHITE['magnetic_field']
+    wave = 100.0 * density * iced(chamber(2)[1], 0.4)[:, None] * AXES
+    runs = prepare([run(seed=3, cycles=2, error={'magnetic_field': wave})])
+    noise = {
+        sensor: NoiseModel(np.full(3, white), np.zeros(0), np.zeros((0, 3)))
+        for sensor, white in (('accelerometer', WHITE['linear_acceleration']), (FIELD, density))
+    }
+    ice, tilt = EFFECTS['icing'](1500.0, 400.0), EFFECTS['fixture_tilt']()
+    alone = {FIELD: (BiasTemperature(), ice)}
+    together = {
+        'accelerometer': (BiasTemperature(), EFFECTS['thermal_lag'](150.0), tilt),
+        FIELD: (BiasTemperature(), ice, tilt),
+    }
+    stated = [
+        fit_prepared(effects, runs, noise={s: noise[s] for s in effects}, refine=False)
+        .sensors[FIELD]
+        .shape_std['icing.growth_time']
+        for effects in (alone, together)
+    ]
+    assert stated[1] == pytest.approx(stated[0], rel=0.1)
 
 
 def test_a_shape_that_is_not_known_makes_its_coefficients_more_uncertain() -> None:

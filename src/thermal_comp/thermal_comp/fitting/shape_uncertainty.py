@@ -8,6 +8,7 @@ a secant is taken, as wide as the standard deviation that follows from it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -107,17 +108,20 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
         if all(1.0 / LARGEST_WIDTH_RATIO < ratio < LARGEST_WIDTH_RATIO for ratio in ratios):
             break
         secants = after
-    return wider, _with_surface_error(wider, solution, estimate)
+    return wider, _with_surface_error(design.terms, wider, solution, estimate)
 
 
-def _with_surface_error(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
+def _with_surface_error(
+    terms: Sequence[Term], design: Design, solution: Solution, estimate: FloatArray
+) -> Solution:
     """Return the solution, its covariance with the uncertainty of the surface's temperature.
 
+    `terms` are those to which the `estimate` belongs: the design has a column per shape, too.
     Water freezes at another place than the thermometer's: an offset o of known standard deviation
     is not fitted, but moves the estimates by C Xᵀ S⁻¹ (∂error/∂o) o.
     """
     covariance = solution.covariance
-    for term in design.terms:
+    for term in terms:
         if SURFACE_CHANNEL not in term.effect.optional_channels:
             continue
         column = ShapeDirection(term.effect.name, SURFACE_CHANNEL)
