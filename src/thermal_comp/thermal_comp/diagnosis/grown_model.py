@@ -19,6 +19,7 @@ class Step:
     """One effect added; rms over the sensors' axes, held out, in the sensor's unit."""
 
     added: str
+    """Names, with + between several; '' where effects were only left out."""
     sensors: tuple[Sensor, ...]
     error_before: float
     error_after: float
@@ -33,7 +34,7 @@ class Step:
     parts_lowered: int = 0
     """Those of them whose error falls."""
     replaced: tuple[str, ...] = ()
-    """Effects in whose place it stands."""
+    """Effects that were left out for it."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -79,7 +80,7 @@ class Growth(Presented):
             terms: list[str] = []
             for step in steps:
                 terms = [name for name in terms if name not in step.replaced]
-                terms += step.added.split(' + ')
+                terms += step.added.split(' + ') if step.added else []
             made.append(
                 Prediction(
                     sensor,

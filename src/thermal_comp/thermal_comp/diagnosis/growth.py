@@ -391,12 +391,14 @@ def _with_effects(
     new: Listed = {
         s: joined_effects([*effects, *chosen.get(s, ())]) for s, effects in stay.items()
     }
-    replaced = {s: tuple(e.name for e in listed[s][len(stay[s]) :]) for s in listed}
     plain = fit_prepared(listed, runs, noise=noise, refine=False)
     grown = fit_prepared(new, runs, noise=noise, refine=not empirical)
     after = compare_prepared(grown, runs)
     before = compare_prepared(plain, runs, noise=noise)
-    names = {s: ' + '.join(effect.name for effect in effects) for s, effects in chosen.items()}
+    taken = {s: [e.name for e in effects[len(stay[s]) :]] for s, effects in listed.items()}
+    put = {s: [e.name for e in effects] for s, effects in chosen.items()}
+    names = {s: ' + '.join(n for n in own if n not in taken[s]) for s, own in put.items()}
+    replaced = {s: tuple(n for n in taken[s] if n not in own) for s, own in put.items()}
     if empirical:
         grown = replace(grown, provenance=_with_note(grown.provenance, names))
     groups = [(s,) for s in chosen] if empirical else [tuple(chosen)]
@@ -436,7 +438,9 @@ def _with_checks(
 def _with_note(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
     """Return the provenance with a note on what was added without a cause."""
     notes = (
-        f'{s}: {added} lowers the held-out error; cause undecided' for s, added in names.items()
+        f'{s}: {added} lowers the held-out error; cause undecided'
+        for s, added in names.items()
+        if added
     )
     return replace(provenance, notes=(*provenance.notes, *notes))
 

@@ -26,9 +26,8 @@ def growth_text(content: Mapping[str, Any]) -> str:
         before, after, floor = (shown(step[key] * unit.factor) for key in ERROR_KEYS)
         rivals = step['ambiguous_with']
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
-        added = f'{step["added"]}, cause undecided,' if step['empirical'] else step['added']
         lines.append(
-            f'added {added} to the {step["sensor"]}{_place(step)}{doubt}: held-out error '
+            f'{_change(step)}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
             f'{_doubt_about_fall(step)}'
@@ -42,9 +41,19 @@ def growth_text(content: Mapping[str, Any]) -> str:
     return '\n'.join(lines)
 
 
-def _place(step: Mapping[str, Any]) -> str:
-    """Return in whose place a step's effects stand; '' beside all."""
-    return f' in place of {", ".join(step["replaced"])}' if step['replaced'] else ''
+def _change(step: Mapping[str, Any]) -> str:
+    """Return what a step did to the model of a sensor."""
+    left = ', '.join(step['replaced'])
+    if not step['added']:
+        return f'left {left} out of the {step["sensor"]}'
+    added = f'{step["added"]}, cause undecided,' if step['empirical'] else step['added']
+    return f'added {added} to the {step["sensor"]}' + (f' in place of {left}' if left else '')
+
+
+def _signed(step: Mapping[str, Any]) -> str:
+    """Return what a step added with +, and what it left out with −."""
+    added = [f'+ {step["added"]}'] if step['added'] else []
+    return ', '.join([*added, *(f'− {name}' for name in step['replaced'])])
 
 
 def _doubt_about_fall(step: Mapping[str, Any]) -> str:
@@ -79,7 +88,7 @@ def table(content: Mapping[str, Any]) -> str:
         unit = DISPLAY_UNITS[step['sensor'].split('+')[0]]
         values = [shown(step[key] * unit.factor) for key in ERROR_KEYS]
         rivals = ', '.join(step['ambiguous_with'])
-        rows.append([step['added'] + _place(step), step['sensor'], *values, unit.unit, rivals])
+        rows.append([_signed(step), step['sensor'], *values, unit.unit, rivals])
     notes = [*shape_lines(content['parameters']), *dict.fromkeys(content['undetermined'])]
     title = 'added to the model' if rows else 'nothing was added'
     return html_table(title, head, rows, notes)
@@ -96,7 +105,7 @@ def picture(growth: Any) -> Picture:
     for panel, (sensor, taken) in zip(panels, steps.items(), strict=False):
         unit = DISPLAY_UNITS[sensor.split('+')[0]]
         errors = [taken[0]['error_before'], *(step['error_after'] for step in taken)]
-        labels = ['before', *(f'+ {step["added"]}' for step in taken)]
+        labels = ['before', *map(_signed, taken)]
         values = [error * unit.factor for error in errors]
         panel.bar(range(len(values)), values, 0.6)
         for place, value in enumerate(values):
