@@ -27,6 +27,7 @@ from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.diagnosis.grown_model import Growth, Step, step_of
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.result import Diagnosis, Finding
+from thermal_comp.diagnosis.sensor_answer import UNNAMED_CAUSES
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.empirical import empirical_form
@@ -256,13 +257,16 @@ def _with_predictive_terms(
     """Return the model with what lowers the held-out error, cause undecided; None: nothing.
 
     What the diagnosis thinks possible is tried beside what forward selection finds, and what it
-    finds beside the `first` effects in place of those that were named since.
+    finds beside the `first` effects in place of those that were named since, in sensors that still
+    lack something: names that leave nothing to explain stand.
     """
     listed, noise = _base(runs, model), _noise_of(runs, model)
     tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
     kept: dict[Sensor, tuple[Effect, ...]] = {}
     beside: dict[Sensor, tuple[Effect, ...]] = dict(listed)
     offered = {name for name, effect in settings.catalogue.items() if not effect.coupled}
+    missing = [f for f in diagnosis.findings if f.kind in ('effect', *UNNAMED_CAUSES)]
+    lacking = {sensor for finding in missing for sensor in finding.sensor.split('+')}
     for s in tried:
         said = [e.names for e in diagnosis.explanations if e.sensor == s]
         own = (tuple(name for name in names if name in offered) for names in said)
@@ -270,10 +274,10 @@ def _with_predictive_terms(
         choose = partial(predictive_effects, runs, s, noise=noise[s], catalogue=settings.catalogue)
         kept[s] = listed[s]
         beside[s] = (*listed[s], *choose(listed[s], candidates=possible))
-        if len(listed[s]) > len(first[s]) and (
-            other := _in_place_of_named(runs, s, beside[s], first[s], choose)
-        ):
-            kept[s], beside[s] = first[s], other
+        if s in lacking and len(listed[s]) > len(first[s]):
+            other = _in_place_of_named(runs, s, beside[s], first[s], choose)
+            if other:
+                kept[s], beside[s] = first[s], other
     changed = [s for s in tried if beside[s] != listed[s]]
     if changed:
         fitted = fit_prepared(beside, runs, noise=noise)
