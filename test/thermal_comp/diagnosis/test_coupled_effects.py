@@ -56,13 +56,21 @@ def test_others_that_know_it_by_another_name_do_not_speak_for_it(
 
 @pytest.mark.long
 def test_a_sensor_whose_error_has_no_name_does_not_speak_for_it() -> None:
-    time = chamber()[0]
-    tilted = np.multiply.outer(chamber()[1] - 20.0, [3e-5, -2e-5, 1e-5])
+    """It feels the tilt, too, so that it would."""
+    time, die = chamber()[:2]
     switched = np.multiply.outer(np.sign(np.sin(time / 900.0)), [1e-6, -2e-6, 1e-6])
-    runs = prepare([
-        run(up, seed=k, error={'linear_acceleration': tilted, 'magnetic_field': switched})
-        for k, up in enumerate(UP)
-    ])  # fmt: skip
+    turned = np.array([3e-4, -2.2e-4, 0.8e-4])
+    vertical = np.array([0.0, 0.0, GRAVITY])
+    recordings = []
+    for k, up in enumerate(UP):
+        pose = np.roll(np.eye(3), k + 1, axis=0)
+        force, field = (
+            np.multiply.outer(die - 20.0, pose @ np.cross(turned, felt))
+            for felt in (vertical, FIELD)
+        )
+        error = {'linear_acceleration': force, 'magnetic_field': field + switched}
+        recordings.append(run(up, seed=k, error=error))
+    runs = prepare(recordings)
     base = {sensor: (BiasTemperature(),) for sensor in SENSORS}
     settings = Settings({'fixture_tilt': EFFECTS['fixture_tilt']})
     searches = SensorSearches(ColumnSource(runs), base, determined_noise(runs, base)[0], settings)

@@ -49,10 +49,10 @@ def weighed_by_all(effect: Effect, searched: Sequence[SensorAnswer]) -> list[Eff
     One set of coefficients is fitted to all sensors, beside what else was named. Where other
     sensors do not feel the effect, it explains less than coefficients of the first sensor alone: a
     scale factor that is equal on all axes is a tilt to the accelerometer in three orientations,
-    but not to the magnetometer. What the others add is no sign of what looks like the effect in
-    the first sensor. In the others the effect replaces its kin or stands beside them, whichever is
-    likelier: a field of the chamber that turns with the device hides how a tilt turns it. Where
-    they refute it, the sets with it are left out.
+    but not to the magnetometer. Sets of the first sensor without the effect keep their posterior.
+    In the others the effect replaces its kin or stands beside them, whichever is likelier: a field
+    of the chamber that turns with the device hides how a tilt turns it. Where they refute it, the
+    sets with it are left out.
     """
     first, *others = searched
     design = first.hypotheses.design
@@ -84,9 +84,9 @@ def weighed_by_all(effect: Effect, searched: Sequence[SensorAnswer]) -> list[Eff
             support = min(support, limit)
             more = len(some.components)
             one_more = first.hypotheses.log_prior(more) - first.hypotheses.log_prior(more - 1)
-            # One that is small in the first sensor may have any size there that is not seen.
-            unseen = own.log_posterior + one_more + alone
-            posterior = max(some.log_posterior, unseen) + support
+            # The fit took the likeliest amplitude; of a small effect they are all about as likely.
+            all_amplitudes = own.log_posterior + one_more + alone
+            posterior = max(some.log_posterior, all_amplitudes) + support
             sets.append(replace(some, log_prior=some.log_prior + support, log_posterior=posterior))
     return sets
 
@@ -101,8 +101,8 @@ class _SensorEquations:
     right: FloatArray
     """(p,) right-hand side."""
     log_posterior: float
-    """Of those own effects, beside the noise that is likeliest with the coupled one: louder noise
-    may do what it does."""
+    """ln of the posterior of the sensor's own effects, beside the noise that is likeliest with the
+    coupled one: louder noise may do what that does."""
 
     @classmethod
     def beside(

@@ -90,6 +90,7 @@ class ColumnGroup:
 class CandidateDesign:
     """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
 
+    Those of the base model whose coefficients the axes share stand among them (`shared_base`).
     Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
     is its own and because an effect's column may differ between axes.
     """
