@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.comparison import comparison_text
@@ -52,8 +53,8 @@ def _change(step: Mapping[str, Any]) -> str:
 
 def _signed(step: Mapping[str, Any]) -> str:
     """Return what a step added with +, and what it left out with −."""
-    added = [f'+ {step["added"]}'] if step['added'] else []
-    return ', '.join([*added, *(f'− {name}' for name in step['replaced'])])
+    added = [f'+\u00a0{step["added"]}'] if step['added'] else []
+    return ', '.join([*added, *(f'−\u00a0{name}' for name in step['replaced'])])
 
 
 def _doubt_about_fall(step: Mapping[str, Any]) -> str:
@@ -105,14 +106,14 @@ def picture(growth: Any) -> Picture:
     for panel, (sensor, taken) in zip(panels, steps.items(), strict=False):
         unit = DISPLAY_UNITS[sensor.split('+')[0]]
         errors = [taken[0]['error_before'], *(step['error_after'] for step in taken)]
-        labels = ['before', *map(_signed, taken)]
+        labels = ['before', *(fill(_signed(step).replace('_', ' '), 13) for step in taken)]
         values = [error * unit.factor for error in errors]
         panel.bar(range(len(values)), values, 0.6)
         for place, value in enumerate(values):
             panel.annotate(shown(value), (place, value), ha='center', va='bottom')
         floor = taken[-1]['noise_floor'] * unit.factor
         panel.axhline(floor, color='k', ls='--', lw=1, label='noise floor')
-        panel.set_xticks(range(len(values)), labels)
+        panel.set_xticks(range(len(values)), labels, fontsize='small')
         panel.set(title=sensor, yscale='log', ylabel=f'held-out error [{unit.unit}]')
         panel.set_ylim(0.3 * min(floor, *values), 2.0 * max(values))
         panel.legend(fontsize='small')
