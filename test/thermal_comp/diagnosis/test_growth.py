@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis import growth
+from thermal_comp.diagnosis import growth, undecided_terms
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.grown_model import Growth
-from thermal_comp.diagnosis.growth import add_effect, grow, held_out_error_rises, raised_by
+from thermal_comp.diagnosis.grown_model import Growth, held_out_error_rises
+from thermal_comp.diagnosis.growth import add_effect, grow, raised_by
 from thermal_comp.diagnosis.result import Finding, RankedEffect
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
@@ -223,8 +223,8 @@ def test_what_predicts_better_takes_the_place_of_names_that_leave_something_miss
         return (EFFECTS['thermal_lag'](time_constant=300.0),) if alone else ()
 
     drift = [_found('bias_drift')]
-    monkeypatch.setattr(growth, 'predictive_effects', selected)
-    monkeypatch.setattr(growth, 'empirical_form', lambda *_: None)
+    monkeypatch.setattr(undecided_terms, 'predictive_effects', selected)
+    monkeypatch.setattr(undecided_terms, 'empirical_form', lambda *_: None)
     runs = prepare(campaign(4.0))
     _say(monkeypatch, [drift, []])
     assert [step.added for step in grow(None, runs, Settings(EFFECTS)).steps] == ['bias_drift']
@@ -247,8 +247,8 @@ def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch)
     """Chosen on other shapes than the fit ends with, a hysteresis raised the error."""
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     spoiling = (EFFECTS['thermal_lag'](),)
-    monkeypatch.setattr(growth, 'predictive_effects', lambda *_, **__: spoiling)
-    monkeypatch.setattr(growth, 'held_out_error_rises', lambda *_: True)
+    monkeypatch.setattr(undecided_terms, 'predictive_effects', lambda *_, **__: spoiling)
+    monkeypatch.setattr(undecided_terms, 'held_out_error_rises', lambda *_: True)
     assert grow(None, runs, FEW).steps == ()
 
 

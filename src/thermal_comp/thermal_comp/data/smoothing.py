@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
 from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline
 
+from thermal_comp.data.adaptive_spline import adaptive_spline
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.gaps import ends_of_long_gaps
 
@@ -49,6 +50,9 @@ MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
 that come after whole numbers of them."""
 LEAST_TURN_ROWS = 10
 """Rows a reading is held, at least, at each of several turns in a row: noise turns faster."""
+LEAST_STAIRS = 0.5
+"""Share of rows between the steps of a coarse thermometer, from which rounding is its noise: that
+is not white, so that it tells no stiffness of single places."""
 LONG_GAP_STEPS = 20.0
 """Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
@@ -95,7 +99,9 @@ def smoothed_temperature(
     width = _width(smoothed[longest][::every], every * step)
     for rows in pieces:
         if len(rows) >= LEAST_ROWS:
-            smoothed[rows] = _spline(smoothed[rows], width / step)
+            stairs = float(np.mean(smoothed[rows] != temperature[rows])) > LEAST_STAIRS
+            adapted = None if stairs else adaptive_spline(smoothed[rows], width / step, every)
+            smoothed[rows] = _spline(smoothed[rows], width / step) if adapted is None else adapted
     return smoothed
 
 

@@ -1,16 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A grown model: the steps it took, and what each did to the held-out error."""
+"""A grown model: what was added to it, and what each step did to the held-out error."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from thermal_comp.comparison.compare import Comparison, SensorComparison, rms_of
+from thermal_comp.comparison.compare import Comparison, SensorComparison, compare_prepared, rms_of
+from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls, parts_that_fall
+from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.diagnosis.diagnose import base_effects
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
-from thermal_comp.model.values import ThermalModel, fitted_shapes
+from thermal_comp.diagnosis.sensor_search import Listed
+from thermal_comp.effects.effect import Effect, joined_effects
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.inputs import usable_sensors
+from thermal_comp.model.values import NoiseModel, Provenance, ThermalModel, fitted_shapes
+from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.presentation.notebook import Presented
 
 
@@ -105,7 +114,69 @@ class Growth(Presented):
         }
 
 
-def step_of(
+def effects_by_sensor(runs: Sequence[PreparedRun], model: ThermalModel | None) -> Listed:
+    """Return the effects of each sensor that can be fitted; without a model a line per axis."""
+    return base_effects(model, usable_sensors(runs)[0])
+
+
+def noise_by_sensor(
+    runs: Sequence[PreparedRun], model: ThermalModel | None
+) -> dict[Sensor, NoiseModel]:
+    """Return the noise of the sensors beside their effects, where it can be told."""
+    return determined_noise(runs, effects_by_sensor(runs, model))[0]
+
+
+def with_effects(
+    model: ThermalModel | None,
+    runs: Sequence[PreparedRun],
+    noise: Mapping[Sensor, NoiseModel],
+    listed: Listed,
+    chosen: Mapping[Sensor, Sequence[Effect]],
+    ambiguous_with: tuple[str, ...] = (),
+    *,
+    kept: Listed | None = None,
+    empirical: bool = False,
+) -> Growth:
+    """Return the model with the chosen effects; `empirical`: a step a sensor, shapes stand.
+
+    They stand beside those `kept`, or beside all.
+    """
+    stay = {
+        s: (kept or {}).get(s, effects) if s in chosen else effects
+        for s, effects in listed.items()
+    }
+    new: Listed = {
+        s: joined_effects([*effects, *chosen.get(s, ())]) for s, effects in stay.items()
+    }
+    plain = fit_prepared(listed, runs, noise=noise, refine=False)
+    grown = fit_prepared(new, runs, noise=noise, refine=not empirical)
+    after = compare_prepared(grown, runs)
+    before = compare_prepared(plain, runs, noise=noise)
+    taken = {s: [e.name for e in effects[len(stay[s]) :]] for s, effects in listed.items()}
+    put = {s: [e.name for e in effects] for s, effects in chosen.items()}
+    names = {s: ' + '.join(n for n in own if n not in taken[s]) for s, own in put.items()}
+    replaced = {s: tuple(n for n in taken[s] if n not in own) for s, own in put.items()}
+    if empirical:
+        grown = replace(grown, provenance=_with_note(grown.provenance, names))
+    groups = [(s,) for s in chosen] if empirical else [tuple(chosen)]
+    steps = tuple(
+        _step_of(
+            before.sensors[g[0]],
+            after.sensors[g[0]],
+            names[g[0]],
+            g,
+            ambiguous_with,
+            empirical,
+            replaced[g[0]],
+        )
+        for g in groups
+    )
+    return Growth(
+        model=(model or plain).succeeded_by(grown), before=before, after=after, steps=steps
+    )
+
+
+def _step_of(
     before: SensorComparison,
     after: SensorComparison,
     added: str,
@@ -129,3 +200,20 @@ def step_of(
         parts_lowered=parts_that_fall(*squares),
         replaced=replaced,
     )
+
+
+def _with_note(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
+    """Return the provenance with a note on what was added without a cause."""
+    notes = (
+        f'{s}: {added} lowers the held-out error; cause undecided'
+        for s, added in names.items()
+        if added
+    )
+    return replace(provenance, notes=(*provenance.notes, *notes))
+
+
+def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
+    """Tell whether the held-out error rises in all sensors, or on an axis by what is no chance."""
+    pairs = [(grown.before.sensors[s], grown.after.sensors[s]) for s in sensors]
+    axes = (after.held_out_rms > LEAST_SURE_RISE * before.held_out_rms for before, after in pairs)
+    return any(axis.any() for axis in axes) or all(raised(*pair) for pair in pairs)

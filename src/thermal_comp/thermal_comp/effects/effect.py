@@ -147,6 +147,8 @@ class Effect:
     columns by temperature."""
     time_only: ClassVar[bool] = False
     """True where it depends on time alone, so that slow noise may look like it."""
+    differentiates: ClassVar[bool] = False
+    """True where it follows the derivative of the temperature."""
     kin: ClassVar[Kin] = ''
     """Group of effects of which one may fit what the equation of another lacks."""
     twin: ClassVar[str] = ''

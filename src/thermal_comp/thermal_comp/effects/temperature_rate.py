@@ -43,6 +43,7 @@ class TemperatureRate(Effect):
     )
     typical_size: ClassVar[str] = 'gyroscope 1–10 m°/s per K/min'
     reference: ClassVar[str] = 'IEEE 952 and 1431 (temperature-rate sensitivity D_Ṫ)'
+    differentiates: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     twin: ClassVar[str] = 'thermal_gradient'
     separating_action: ClassVar[str] = 'change the heat path (fan speed) at the same profile'

@@ -68,6 +68,7 @@ class ThermalGradient(Effect):
     )
     typical_size: ClassVar[str] = 'as temperature_rate'
     reference: ClassVar[str] = 'IEEE 952 and 1431 (temperature-gradient sensitivity D_∇T)'
+    differentiates: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     twin: ClassVar[str] = 'temperature_rate'
     separating_action: ClassVar[str] = (
@@ -163,6 +164,7 @@ class GuessedGradient(Effect):
     name: ClassVar[str] = 'guessed_gradient'
     equation: ClassVar[str] = 'error = a · (θ dT/dt + ΔT (1 − θ/τ) exp(−t/τ)),  ΔT = 0.6 K'
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',)
+    differentiates: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     guessed_channel: ClassVar[str] = 'chamber_temperature'
 

@@ -16,6 +16,7 @@ from thermal_comp.diagnosis.evidence.candidates import (
     guesses,
 )
 from thermal_comp.diagnosis.evidence.effect_sets import NO_EFFECT, Component, EffectSet, Names
+from thermal_comp.diagnosis.evidence.felt_errors import FeltErrors, felt_errors
 from thermal_comp.diagnosis.evidence.generic_regressors import (
     GenericRegressor,
     all_variables,
@@ -23,7 +24,6 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
-from thermal_comp.diagnosis.evidence.temperature_between_bursts import felt_errors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -82,8 +82,8 @@ class SensorHypotheses:
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
         self._likeliest: dict[Hashable, tuple[float, Sequence[CoefficientPrior]]] = {}
         """Components → the alternative of the nuisances that is likeliest beside them."""
-        self._felt_between: dict[Hashable, Sequence[CoefficientPrior]] = {}
-        """Components → what they make of the temperature between bursts."""
+        self._felt: dict[Hashable, FeltErrors] = {}
+        """Components → what they make of errors of the temperature."""
         self._weigh_nuisances()
 
     def allow_unnamed(self) -> None:
@@ -99,7 +99,7 @@ class SensorHypotheses:
 
     def _weigh_nuisances(self) -> None:
         self._likeliest.clear()
-        self._felt_between.clear()
+        self._felt.clear()
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())
         alone = self.joint((), likeliest[:1])[1]
@@ -146,14 +146,19 @@ class SensorHypotheses:
         whether the thermometer's errors are. Nuisances are those likeliest beside the components
         and `further` ones.
         """
-        nuisances = self.likeliest_nuisances((*components, *further))
         key = _key(components)
-        if key not in self._felt_between:
-            felt = felt_errors(self.design, components, nuisances)
-            self._felt_between[key] = felt
+        if key not in self._felt:
+            likeliest = self.likeliest_nuisances(components)
+            self._felt[key] = felt_errors(self.design, components, likeliest)
+        felt = self._felt[key]
+        together = (*components, *further)
+        nuisances = self.likeliest_nuisances(together)
+        if felt:
+            each = self._with_felt(together, felt)
+            nuisances = self.nuisances[int(np.argmax(each))][1]
         integrated = [
             *(nuisances if thermometer else nuisances[1:]),
-            *self._felt_between[key],
+            *self._priors_of(felt, nuisances),
             *(c.prior for c in components),
             *generic,
         ]
@@ -161,18 +166,31 @@ class SensorHypotheses:
         normal, right = design.products([c for prior in integrated for c in prior.columns])
         return conditioned(normal, right, design.chi_square, self.rows, integrated)
 
-    def log_odds_between_bursts(self, components: Sequence[Component]) -> float:
-        """Return ln of the odds that the temperature was another one between bursts.
+    def log_odds_of_felt_errors(self, components: Sequence[Component]) -> float:
+        """Return ln of the odds that the temperature was another one, as components feel it.
 
-        It is what components gain in evidence where it is unknown there; 0 without bursts.
+        It is what they gain in evidence by errors of the temperature; 0 where they feel none.
         """
-        nuisances = self.likeliest_nuisances(components)
         with self.design.trials():
-            felt = felt_errors(self.design, components, nuisances)
+            likeliest = self.likeliest_nuisances(components)
+            felt = felt_errors(self.design, components, likeliest)
             if not felt:
                 return 0.0
-            unknown = self.joint(components, [*nuisances, *felt])[0]
-            return unknown - self.joint(components, nuisances)[0]
+            return log_sum(self._with_felt(components, felt)) - self.log_evidence(components)
+
+    def _with_felt(self, components: Sequence[Component], felt: FeltErrors) -> list[float]:
+        """Return ln of prior times evidence of each alternative beside errors that are felt."""
+        return [
+            ln + self.joint(components, [*some, *self._priors_of(felt, some)])[0]
+            for ln, some in self.nuisances
+        ]
+
+    def _priors_of(
+        self, felt: FeltErrors, nuisances: Sequence[CoefficientPrior]
+    ) -> list[CoefficientPrior]:
+        """Return the priors of felt errors, of a thermometer as in some nuisances."""
+        size = np.maximum(self.design.size_of(self.thermometer), 1e-300)
+        return felt.priors(nuisances[0].deviation / size)
 
     def log_evidence(self, components: Sequence[Component]) -> float:
         """Return ln evidence, nuisances integrated."""

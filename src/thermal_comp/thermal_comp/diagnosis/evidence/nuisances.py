@@ -146,10 +146,10 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
 
 
 def _responses(response: Response, run: PreparedRun) -> FloatArray:
-    return response(run, _possible_errors(run))
+    return response(run, possible_errors(run))
 
 
-def _possible_errors(run: PreparedRun) -> FloatArray:
+def possible_errors(run: PreparedRun) -> FloatArray:
     """(n, q) errors of the thermometer in a run, one of each kind."""
     parts = [
         temperature_history(run),

@@ -222,7 +222,7 @@ def _weighed(hypotheses: SensorHypotheses, components: list[Component]) -> Effec
         components, total = scaled(hypotheses, components, place)
         occam += total + _shape_share(hypotheses, components, place)
     evidence = hypotheses.log_evidence(components)
-    evidence += hypotheses.log_odds_between_bursts(components)
+    evidence += hypotheses.log_odds_of_felt_errors(components)
     prior = hypotheses.log_prior(len(components))
     prior += _amplitudes_log_prior(components, hypotheses.known.components)
     return EffectSet(

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the temperature may have done between bursts, seen by effects that remember it."""
+"""What effects make of errors of the temperature: between bursts, and of the thermometer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias
 
@@ -14,34 +14,79 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.effect_sets import Component
+from thermal_comp.diagnosis.evidence.nuisances import possible_errors
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.candidate_design import CandidateDesign
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
 
 FittedEffect: TypeAlias = tuple[Effect, FloatArray]
 """One effect and its (p, 3) coefficients."""
 
 
+@dataclass(frozen=True, eq=False)
+class FeltErrors:
+    """What the effects of a set, with their likeliest coefficients, make of a wrong temperature.
+
+    Along one course on all axes, whose size is not known.
+    """
+
+    between_bursts: ColumnGroup
+    """Of each run's errors between bursts."""
+    thermometer: ColumnGroup
+    """Of the thermometer's errors, through effects that follow the derivative."""
+    design: CandidateDesign
+
+    def __bool__(self) -> bool:
+        return bool(self.between_bursts.columns or self.thermometer.columns)
+
+    def priors(self, deviations: FloatArray) -> list[CoefficientPrior]:
+        """Return their priors, of thermometer errors with such (p,) standard deviations."""
+        some = [(self.between_bursts, np.ones(len(self.between_bursts.columns)))]
+        some += [(self.thermometer, deviations)]
+        return [
+            CoefficientPrior(term.columns, shared=True, deviation=size * self.design.size_of(term))
+            for term, size in some
+            if term.columns
+        ]
+
+
 def felt_errors(
     design: CandidateDesign,
     components: Sequence[Component],
     nuisances: Sequence[CoefficientPrior],
-) -> list[CoefficientPrior]:
-    """Return what components make of errors of each run's temperature between bursts.
+) -> FeltErrors:
+    """Return what components make of errors of the temperature.
 
-    It is that of effects with the coefficients that are likeliest beside the nuisances, along one
-    course on all axes. [] where there are no errors, or nobody feels them.
+    Effects have the coefficients that are likeliest beside the nuisances. Those that remember the
+    temperature feel what it was between bursts. A derivative feels a thermometer that lags or
+    settles most at the corners of the temperature, where a device is switched on in the cold;
+    others feel it as the slope over temperature does, which stands beside every set.
     """
     errors = {run.name: run.errors_between_bursts for run in design.source.runs}
-    if not components or not any(some.size for some in errors.values()):
-        return []
+    in_bursts = any(some.size for some in errors.values())
+    by_rate = any(c.form.effect.differentiates for c in components)
+    none = ColumnGroup((), shared=True)
+    if not components or not (in_bursts or by_rate):
+        return FeltErrors(none, none, design)
     fitted = _fitted(design, components, nuisances)
+    rates = [(effect, k) for effect, k in fitted if effect.differentiates]
 
-    def responses(run: PreparedRun) -> FloatArray:
+    def between(run: PreparedRun) -> FloatArray:
         return _responses(fitted, errors[run.name], run, design.sensor)
 
-    term = design.generic_terms([(responses, True)], runs=design.source.smoothed)[0]
-    return [CoefficientPrior(term.columns, shared=True, deviation=design.size_of(term))]
+    def of_thermometer(run: PreparedRun) -> FloatArray:
+        return _responses(rates, possible_errors(run), run, design.sensor)
+
+    made = [
+        design.generic_terms([(function, per_run)], runs=design.source.smoothed)[0]
+        if wanted
+        else none
+        for wanted, function, per_run in (
+            (in_bursts, between, True),
+            (by_rate, of_thermometer, False),
+        )
+    ]
+    return FeltErrors(made[0], made[1], design)
 
 
 def _fitted(
