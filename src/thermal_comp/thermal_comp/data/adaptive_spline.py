@@ -33,15 +33,16 @@ _THIRD_DIFFERENCE: FloatArray = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 def adaptive_spline(values: FloatArray, width: float, every: int = 1) -> FloatArray | None:
-    """Return values (n,) at equal distances through the likeliest spline; None for few rows.
+    """Return values (n,) at equal distances through the likeliest spline.
 
     `width` [rows] is about that of the likeliest one of a single stiffness, `every` the rows
     between two measurements. Where the stiffness varies it costs a degree of freedom for every
-    window of its profile.
+    window of its profile. None for few rows, and where nothing is to be smoothed: a width of less
+    than a row.
     """
     count = -(-max(int(width / WIDTH_IN_MEANS), 1) // every) * every
     size = len(values) // count
-    if size < LEAST_MEANS:
+    if size < LEAST_MEANS or width < count:
         return None
     means = values[: size * count].reshape(size, count).mean(axis=1)
     base = np.full(size - 3, (width / count) ** 6)

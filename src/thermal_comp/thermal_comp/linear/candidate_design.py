@@ -149,10 +149,13 @@ class CandidateDesign:
         finally:
             self._table.width, self._size, self._terms = before
 
-    def inform(self, term: ColumnGroup, normal: FloatArray, right: FloatArray) -> float:
+    def inform(
+        self, term: ColumnGroup, normal: FloatArray, right: FloatArray, *, counted: bool = True
+    ) -> float:
         """Take equations of a shared term's coefficients, in their own units, as further rows.
 
-        Returns the χ² they add: what the coefficients they speak for explain of them.
+        Returns the χ² they add: what the coefficients they speak for explain of them. It is not
+        `counted` where a term took them before, in whose place this one stands.
         """
         size = self._size[list(term.columns)]
         inverse = np.where(size > 0.0, 1.0 / np.maximum(size, 1e-300), 0.0)
@@ -160,7 +163,7 @@ class CandidateDesign:
         answer = np.linalg.pinv(further, rcond=LEAST_NEW_POWER, hermitian=True) @ (right * inverse)
         added = further @ answer
         self._table.add(term.columns, further, added)
-        self.chi_square += float(answer @ added)
+        self.chi_square += float(answer @ added) if counted else 0.0
         return float(answer @ added)
 
     def term(self, effect: Effect) -> ColumnGroup:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias
@@ -14,7 +14,8 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.effect_sets import Component
-from thermal_comp.diagnosis.evidence.nuisances import possible_errors
+from thermal_comp.diagnosis.evidence.nuisances import Response, possible_errors
+from thermal_comp.diagnosis.evidence.temperature_course import temperature_history
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
@@ -27,47 +28,51 @@ FittedEffect: TypeAlias = tuple[Effect, FloatArray]
 class FeltErrors:
     """What the effects of a set, with their likeliest coefficients, make of a wrong temperature.
 
-    Along one course on all axes, whose size is not known.
+    Along one course on all axes.
     """
 
+    design: CandidateDesign
     between_bursts: ColumnGroup
     """Of each run's errors between bursts."""
     thermometer: ColumnGroup
-    """Of the thermometer's errors, through effects that follow the derivative."""
-    design: CandidateDesign
+    """Of the thermometer's errors, through the slope over temperature and the set's derivatives of
+    the temperature; it takes the place of that of the slope alone."""
 
     def __bool__(self) -> bool:
         return bool(self.between_bursts.columns or self.thermometer.columns)
 
-    def priors(self, deviations: FloatArray) -> list[CoefficientPrior]:
-        """Return their priors, of thermometer errors with such (p,) standard deviations."""
-        some = [(self.between_bursts, np.ones(len(self.between_bursts.columns)))]
-        some += [(self.thermometer, deviations)]
-        return [
-            CoefficientPrior(term.columns, shared=True, deviation=size * self.design.size_of(term))
-            for term, size in some
-            if term.columns
-        ]
+    def beside(
+        self, nuisances: Sequence[CoefficientPrior], deviations: FloatArray
+    ) -> list[CoefficientPrior]:
+        """Return nuisances with these errors; those of the thermometer have (p,) `deviations`."""
+        first, *others = nuisances
+        if self.thermometer.columns:
+            deviations = deviations * self.design.size_of(self.thermometer)
+            first = CoefficientPrior(self.thermometer.columns, True, deviations)
+        if self.between_bursts.columns:
+            size = self.design.size_of(self.between_bursts)
+            others.append(CoefficientPrior(self.between_bursts.columns, True, size))
+        return [first, *others]
 
 
 def felt_errors(
     design: CandidateDesign,
     components: Sequence[Component],
     nuisances: Sequence[CoefficientPrior],
+    response: Response,
 ) -> FeltErrors:
-    """Return what components make of errors of the temperature.
+    """Return what components make of errors of the temperature; `response` is the slope's.
 
     Effects have the coefficients that are likeliest beside the nuisances. Those that remember the
-    temperature feel what it was between bursts. A derivative feels a thermometer that lags or
-    settles most at the corners of the temperature, where a device is switched on in the cold;
-    others feel it as the slope over temperature does, which stands beside every set.
+    temperature feel what it was between bursts. A derivative feels a thermometer that lags, most
+    at the corners of the temperature and where a device is switched on in the cold.
     """
+    none = ColumnGroup((), shared=True)
     errors = {run.name: run.errors_between_bursts for run in design.source.runs}
     in_bursts = any(some.size for some in errors.values())
     by_rate = any(c.form.effect.differentiates for c in components)
-    none = ColumnGroup((), shared=True)
     if not components or not (in_bursts or by_rate):
-        return FeltErrors(none, none, design)
+        return FeltErrors(design, none, none)
     fitted = _fitted(design, components, nuisances)
     rates = [(effect, k) for effect, k in fitted if effect.differentiates]
 
@@ -75,18 +80,19 @@ def felt_errors(
         return _responses(fitted, errors[run.name], run, design.sensor)
 
     def of_thermometer(run: PreparedRun) -> FloatArray:
-        return _responses(rates, possible_errors(run), run, design.sensor)
+        history = temperature_history(run)  # what comes first among the possible errors
+        answer = response(run, possible_errors(run))
+        answer[:, :, : history.shape[1]] += _responses(rates, history, run, design.sensor)
+        return answer
 
-    made = [
-        design.generic_terms([(function, per_run)], runs=design.source.smoothed)[0]
-        if wanted
-        else none
-        for wanted, function, per_run in (
-            (in_bursts, between, True),
-            (by_rate, of_thermometer, False),
-        )
-    ]
-    return FeltErrors(made[0], made[1], design)
+    def term(function: Callable[[PreparedRun], FloatArray], *, per_run: bool) -> ColumnGroup:
+        return design.generic_terms([(function, per_run)], runs=design.source.smoothed)[0]
+
+    return FeltErrors(
+        design,
+        term(between, per_run=True) if in_bursts else none,
+        term(of_thermometer, per_run=False) if by_rate else none,
+    )
 
 
 def _fitted(

@@ -24,6 +24,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
+from thermal_comp.diagnosis.evidence.temperature_course import TemperatureSlope
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -57,11 +58,15 @@ class SensorHypotheses:
         """
         self.design = design
         self.known = known
-        self.thermometer = thermometer_errors(design, response)
+        self._response = response or TemperatureSlope.of(design).response
+        self.thermometer = thermometer_errors(design, self._response)
         """Columns of what an error of the thermometer does."""
-        self.nuisances = nuisance_priors(design, self.thermometer, response)
+        self.nuisances = nuisance_priors(design, self.thermometer, self._response)
         self._told = 0.0
-        """χ² of what other sensors tell of the thermometer."""
+        """χ² of what other sensors tell of the thermometer …"""
+        errors = len(self.thermometer.columns)
+        self._told_equations = np.zeros((errors, errors)), np.zeros(errors)
+        """… and their normal equations."""
         self.families = _visible(design, families(design, catalogue))
         self.guesses = _visible(design, guesses(design, catalogue))
         """Effects of channels that were not logged but can be guessed."""
@@ -95,6 +100,8 @@ class SensorHypotheses:
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
         """Add other sensors' normal equations (p, p) and (p,) of the thermometer's errors."""
         self._told += self.design.inform(self.thermometer, normal, right)
+        before, before_right = self._told_equations
+        self._told_equations = before + normal, before_right + right
         self._weigh_nuisances()
 
     def _weigh_nuisances(self) -> None:
@@ -148,17 +155,15 @@ class SensorHypotheses:
         """
         key = _key(components)
         if key not in self._felt:
-            likeliest = self.likeliest_nuisances(components)
-            self._felt[key] = felt_errors(self.design, components, likeliest)
+            self._felt[key] = self._felt_errors(components)
         felt = self._felt[key]
         together = (*components, *further)
         nuisances = self.likeliest_nuisances(together)
         if felt:
             each = self._with_felt(together, felt)
-            nuisances = self.nuisances[int(np.argmax(each))][1]
+            nuisances = self._beside(felt, self.nuisances[int(np.argmax(each))][1])
         integrated = [
             *(nuisances if thermometer else nuisances[1:]),
-            *self._priors_of(felt, nuisances),
             *(c.prior for c in components),
             *generic,
         ]
@@ -172,25 +177,31 @@ class SensorHypotheses:
         It is what they gain in evidence by errors of the temperature; 0 where they feel none.
         """
         with self.design.trials():
-            likeliest = self.likeliest_nuisances(components)
-            felt = felt_errors(self.design, components, likeliest)
+            felt = self._felt_errors(components)
             if not felt:
                 return 0.0
             return log_sum(self._with_felt(components, felt)) - self.log_evidence(components)
 
+    def _felt_errors(self, components: Sequence[Component]) -> FeltErrors:
+        """Return what components make of errors of the temperature, and what others tell of it."""
+        likeliest = self.likeliest_nuisances(components)
+        felt = felt_errors(self.design, components, likeliest, self._response)
+        if felt.thermometer.columns and self._told:
+            self.design.inform(felt.thermometer, *self._told_equations, counted=False)
+        return felt
+
     def _with_felt(self, components: Sequence[Component], felt: FeltErrors) -> list[float]:
         """Return ln of prior times evidence of each alternative beside errors that are felt."""
         return [
-            ln + self.joint(components, [*some, *self._priors_of(felt, some)])[0]
-            for ln, some in self.nuisances
+            ln + self.joint(components, self._beside(felt, some))[0] for ln, some in self.nuisances
         ]
 
-    def _priors_of(
+    def _beside(
         self, felt: FeltErrors, nuisances: Sequence[CoefficientPrior]
     ) -> list[CoefficientPrior]:
-        """Return the priors of felt errors, of a thermometer as in some nuisances."""
+        """Return one alternative of the nuisances with errors that are felt."""
         size = np.maximum(self.design.size_of(self.thermometer), 1e-300)
-        return felt.priors(nuisances[0].deviation / size)
+        return felt.beside(nuisances, nuisances[0].deviation / size)
 
     def log_evidence(self, components: Sequence[Component]) -> float:
         """Return ln evidence, nuisances integrated."""
