@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias
@@ -14,7 +14,6 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.effect_sets import Component
-from thermal_comp.diagnosis.evidence.nuisances import Response, possible_errors
 from thermal_comp.diagnosis.evidence.temperature_course import temperature_history
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -59,9 +58,11 @@ def felt_errors(
     design: CandidateDesign,
     components: Sequence[Component],
     nuisances: Sequence[CoefficientPrior],
-    response: Response,
+    by_slope: Mapping[str, FloatArray],
 ) -> FeltErrors:
-    """Return what components make of errors of the temperature; `response` is the slope's.
+    """Return what components make of errors of the temperature.
+
+    `by_slope`: what the slope over temperature makes of those of the thermometer, by run.
 
     Effects have the coefficients that are likeliest beside the nuisances. Those that remember the
     temperature feel what it was between bursts. A derivative feels a thermometer that lags, most
@@ -80,8 +81,8 @@ def felt_errors(
         return _responses(fitted, errors[run.name], run, design.sensor)
 
     def of_thermometer(run: PreparedRun) -> FloatArray:
-        history = temperature_history(run)  # what comes first among the possible errors
-        answer = response(run, possible_errors(run))
+        history = temperature_history(run)  # what comes first among the errors
+        answer = by_slope[run.name].copy()
         answer[:, :, : history.shape[1]] += _responses(rates, history, run, design.sensor)
         return answer
 

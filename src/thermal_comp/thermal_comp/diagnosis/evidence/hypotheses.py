@@ -23,7 +23,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     generic_regressors,
     lost_over_time,
 )
-from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
+from thermal_comp.diagnosis.evidence.nuisances import Response, errors_by_slope, nuisance_priors
 from thermal_comp.diagnosis.evidence.temperature_course import TemperatureSlope
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
@@ -58,14 +58,17 @@ class SensorHypotheses:
         """
         self.design = design
         self.known = known
-        self._response = response or TemperatureSlope.of(design).response
-        self.thermometer = thermometer_errors(design, self._response)
+        response = response or TemperatureSlope.of(design).response
+        self._by_slope = errors_by_slope(design, response)
+        """By run, what errors of the thermometer do."""
+        errors = [(lambda run: self._by_slope[run.name], False)]
+        self.thermometer = design.generic_terms(errors, runs=design.source.smoothed)[0]
         """Columns of what an error of the thermometer does."""
-        self.nuisances = nuisance_priors(design, self.thermometer, self._response)
+        self.nuisances = nuisance_priors(design, self.thermometer, response)
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer …"""
-        errors = len(self.thermometer.columns)
-        self._told_equations = np.zeros((errors, errors)), np.zeros(errors)
+        count = len(self.thermometer.columns)
+        self._told_equations = np.zeros((count, count)), np.zeros(count)
         """… and their normal equations."""
         self.families = _visible(design, families(design, catalogue))
         self.guesses = _visible(design, guesses(design, catalogue))
@@ -185,7 +188,7 @@ class SensorHypotheses:
     def _felt_errors(self, components: Sequence[Component]) -> FeltErrors:
         """Return what components make of errors of the temperature, and what others tell of it."""
         likeliest = self.likeliest_nuisances(components)
-        felt = felt_errors(self.design, components, likeliest, self._response)
+        felt = felt_errors(self.design, components, likeliest, self._by_slope)
         if felt.thermometer.columns and self._told:
             self.design.inform(felt.thermometer, *self._told_equations, counted=False)
         return felt

@@ -132,24 +132,18 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
     return columns
 
 
-def thermometer_errors(design: CandidateDesign, response: Response | None = None) -> ColumnGroup:
-    """Return the columns of the die thermometer's errors; axes share their coefficients.
+def errors_by_slope(design: CandidateDesign, response: Response) -> dict[str, FloatArray]:
+    """Return by run (m, 3, q) what the errors of the die thermometer do; axes share coefficients.
 
     They are its lag (first and second order), slow nodes, hysteresis of the reading and of a die
     in the air, shares of the temperatures of air and board and of a die that follows them,
     transients after power-on, with the priors of priors.thermometer_deviations(). `response` says
-    what an error does; None: the slope over temperature times the error.
+    what an error does.
     """
-    response = response or TemperatureSlope.of(design).response
-    columns = partial(_responses, response)
-    return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
+    return {run.name: response(run, _possible_errors(run)) for run in design.source.smoothed}
 
 
-def _responses(response: Response, run: PreparedRun) -> FloatArray:
-    return response(run, possible_errors(run))
-
-
-def possible_errors(run: PreparedRun) -> FloatArray:
+def _possible_errors(run: PreparedRun) -> FloatArray:
     """(n, q) errors of the thermometer in a run, one of each kind."""
     parts = [
         temperature_history(run),
