@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A coupled effect is told by all sensors that feel it, beside what else each of them lacks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
@@ -13,7 +15,7 @@ from thermal_comp.effects.fixture_tilt import FixtureTilt
 from thermal_comp.linear.candidate_design import ColumnSource
 from thermal_comp.noise.of_runs import determined_noise
 
-from ..campaign import FIELD, GRAVITY, chamber, run
+from ..campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, run
 
 UP = ('+x', '+y', '+z')
 SENSORS = ('accelerometer', 'magnetometer')
@@ -111,3 +113,23 @@ def test_it_is_looked_for_beside_what_the_first_sensor_lacks(answers: list[Senso
     sets = with_effect('fixture_tilt', answers[0])
     assert ('fixture_tilt', 'warm_up') in {some.names for some in sets}
     assert all('fixture_tilt' in some.names for some in sets)
+
+
+def test_what_a_rate_makes_of_its_thermometer_speaks_for_no_tilt() -> None:
+    """What a rate gains by its thermometer's lag counted again beside a tilt."""
+    die = chamber(1)[1]
+    rate = np.gradient(die, PERIOD)
+    felt = np.multiply.outer(rate, [9e-5, -5e-5, 7e-5])
+    shown = lagging(die, 25.0, PERIOD)
+    runs = prepare([
+        replace(run(up, seed=k, cycles=1, error={'magnetic_field': felt}), temperature=shown)
+        for k, up in enumerate(UP[:2])
+    ])  # fmt: skip
+    base = {sensor: (BiasTemperature(),) for sensor in SENSORS}
+    names = ('temperature_rate', 'fixture_tilt')
+    noise = determined_noise(runs, base)[0]
+    found = search_sensors(runs, base, noise, Settings({name: EFFECTS[name] for name in names}))
+    rates = found['magnetometer']
+    assert 'temperature_rate' in rates.likeliest.names
+    assert rates.hypotheses.log_odds_of_felt_errors(rates.likeliest.components) > 5.0
+    assert found['accelerometer'].likeliest.names == ()

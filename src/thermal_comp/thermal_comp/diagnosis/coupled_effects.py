@@ -118,7 +118,9 @@ class _SensorEquations:
         size = hypotheses.design.size_of(term)
         normal, right = state.shared_equations(term.columns)
         known = answer.set_of(others)
-        log_posterior = known.log_posterior - hypotheses.log_evidence(known.components) + noise
+        evidence = hypotheses.log_evidence(known.components)
+        evidence += hypotheses.log_odds_of_felt_errors(known.components)
+        log_posterior = known.log_posterior - evidence + noise
         return cls(state, normal * np.outer(size, size), right * size, log_posterior)
 
     def log_gain(self, coefficients: FloatArray) -> float:

@@ -162,8 +162,9 @@ def _as_twins(
             for better, parts in known:
                 each = [_log_odds_of_twin(hypotheses, way, better) for way in ways]
                 odds = log_sum(each) - float(np.log(len(each)))
-                change = better.log_posterior - better.log_prior + some.log_prior
-                change += odds - some.log_posterior
+                change = better.log_posterior + odds - some.log_posterior
+                if len(better.components) > len(some.components):
+                    change += some.log_prior - better.log_prior
                 if np.isfinite(odds):
                     found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
     return found
