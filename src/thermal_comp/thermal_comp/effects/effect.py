@@ -148,7 +148,8 @@ class Effect:
     time_only: ClassVar[bool] = False
     """True where it depends on time alone, so that slow noise may look like it."""
     differentiates: ClassVar[bool] = False
-    """True where it follows the derivative of the temperature."""
+    """True where it follows the derivative of the temperature, or a difference that is like it: it
+    feels a thermometer that lags."""
     kin: ClassVar[Kin] = ''
     """Group of effects of which one may fit what the equation of another lacks."""
     twin: ClassVar[str] = ''
