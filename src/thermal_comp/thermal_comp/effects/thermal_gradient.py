@@ -167,6 +167,7 @@ class GuessedGradient(Effect):
     differentiates: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     guessed_channel: ClassVar[str] = 'chamber_temperature'
+    twin: ClassVar[str] = 'temperature_rate'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

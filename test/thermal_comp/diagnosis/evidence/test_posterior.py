@@ -226,6 +226,17 @@ def test_twins_whose_courses_are_the_same_to_some_per_cent_are_both_said() -> No
     assert by_name['temperature_rate',] > 1.8 * by_name['thermal_gradient',]
 
 
+def test_a_rate_keeps_its_name_beside_a_guess_of_what_was_not_logged() -> None:
+    """The guess bends to what the rate leaves after power-on, a few per cent of it."""
+    time, temperature, *_ = chamber()
+    rate = np.gradient(temperature, time)
+    transient = 2e-3 * np.exp(-(time - time[0]) / 150.0)
+    said = said_of(2.0 * (rate + transient), ('temperature_rate', 'thermal_gradient'))
+    by_name = {e.names: e.probability for e in said.explanations}
+    assert by_name['temperature_rate',] == pytest.approx(2.0 / 3.0, abs=0.05)
+    assert by_name['unlogged',] == pytest.approx(1.0 / 3.0, abs=0.05)
+
+
 def test_a_channel_that_is_read_with_noise_still_names_its_effect() -> None:
     time = chamber()[0]
     shaking = np.random.default_rng(3)

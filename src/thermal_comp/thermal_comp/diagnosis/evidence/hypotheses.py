@@ -261,6 +261,12 @@ class SensorHypotheses:
         odds = [priors.log_odds_of_twin(share, float(lag * bend / rate)) for lag in lags]
         return log_sum(np.add(each, odds)) - log_sum(each)
 
+    def twins_of(self, effect: Effect) -> list[str]:
+        """Return the names of what has nearly the columns of an effect: its twin, or a guess."""
+        if not effect.twin:
+            return []
+        return [effect.twin, *(g.name for g in self.guesses if g.effect.twin == effect.name)]
+
     def log_prior(self, effects: int) -> float:
         """Return ln of the prior of a set of so many effects, which are all equally likely."""
         more = priors.ANOTHER_EFFECT_PROBABILITY

@@ -152,10 +152,14 @@ def _as_twins(
     for some, _ in weighed:
         found.append([])
         for place, component in enumerate(some.components):
-            twin = component.form.effect.twin
             others = [name for name in some.names if name != component.name]
-            beside = [tuple(sorted([twin, *rest])) for rest in (others, some.names)]
-            known = [named[names] for names in beside if twin not in some.names and names in named]
+            beside = [
+                tuple(sorted([twin, *rest]))
+                for twin in hypotheses.twins_of(component.form.effect)
+                for rest in (others, some.names)
+                if twin not in some.names
+            ]
+            known = [named[names] for names in beside if names in named]
             if not known:
                 continue
             ways = in_each_variant(hypotheses, some.components, place)
