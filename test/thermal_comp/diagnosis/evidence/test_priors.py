@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 from thermal_comp.diagnosis.evidence.priors import (
     AMPLITUDES,
+    LOOKS_LIKE_LOST_PROBABILITY,
     SLOW_NOISE_RATIOS,
     THERMOMETER_LAGS_S,
     TWIN_SHARE,
     amplitude_log_prior,
     flaw_log_prior,
     log_odds_of_twin,
+    probability_of_lost,
 )
 
 
@@ -42,3 +44,11 @@ def test_what_a_twin_explains_better_speaks_against_the_other_beyond_some_per_ce
     assert odds == sorted(odds, reverse=True)
     assert odds[0] == pytest.approx(0.0, abs=1e-6)
     assert odds[2] == pytest.approx(np.log(0.5))
+
+
+def test_what_is_much_larger_than_traces_of_a_lost_channel_is_no_part_of_what_that_does() -> None:
+    found = [probability_of_lost(ratio) for ratio in (1.0, 4.0, 30.0, 1e6)]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > LOOKS_LIKE_LOST_PROBABILITY > 0.5 > found[2]
+    assert probability_of_lost(0.25) == pytest.approx(found[1])
+    assert probability_of_lost(0.0) == pytest.approx(0.0)

@@ -69,7 +69,7 @@ class FittedSet:
     @property
     def course_size(self) -> float:
         """√Δχ² of that course."""
-        return float(np.sqrt(2.0 * max(self.course, 0.0)))
+        return size_of_gain(self.course)
 
 
 def exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -281,6 +281,11 @@ def gain_of(
     log_prior[sizes > function.largest**2] = -1e300
     weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
     return log_sum(weighted), float(np.exp(_FINEST_LOG_SIZES[int(np.argmax(weighted))]))
+
+
+def size_of_gain(gain: float) -> float:
+    """Return √Δχ² of what adds so much ln evidence, about."""
+    return float(np.sqrt(2.0 * max(gain, 0.0)))
 
 
 def log_prior_at(size: float, log_prior: FloatArray) -> float:

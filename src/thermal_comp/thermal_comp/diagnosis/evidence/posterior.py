@@ -101,7 +101,7 @@ def explanations(
     ]
     twins = _as_twins(hypotheses, weighed)
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
-    weighed = [(some, as_unlogged(some, rest)) for some, rest in weighed]
+    weighed = [(some, as_unlogged(hypotheses, some, rest)) for some, rest in weighed]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
     named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found = _with_unseen(named, hypotheses.unseen)

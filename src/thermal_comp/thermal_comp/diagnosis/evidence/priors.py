@@ -24,9 +24,11 @@ NOT_IN_CATALOGUE_PROBABILITY = 0.15
 UNLOGGED_PROBABILITY = 0.15
 """That it follows a variable that was not logged, where a variable is missing."""
 
-LOOKS_LIKE_LOST_PROBABILITY = 0.5
-"""That an effect named beside such a variable is a part of what the variable does, where its
-traces, or a guess, follow it in part only: many laws look somewhat like a lag or a hysteresis."""
+LOOKS_LIKE_LOST_PROBABILITY = 0.85
+"""That an effect found beside such a variable is a part of what the variable does, where its
+traces, or a guess, follow it in part only: some effect always looks most like what is left …"""
+LOOKS_LIKE_LOST_LN = 0.8
+"""… and standard deviation of ln of its ratio to what they follow: it is about as large."""
 
 GUESSED_COURSE_PROBABILITY = 0.5
 """That such a variable has the course that is guessed: that of closed air, or of what a die that
@@ -162,6 +164,18 @@ def log_odds_of_twin(share: float, lagging: float = 0.0) -> float:
     """
     median = float(np.hypot(TWIN_SHARE, lagging))
     return float(log_ndtr(-np.log(max(share, 1e-9) / median) / TWIN_SHARE_LN))
+
+
+def probability_of_lost(ratio: float) -> float:
+    """Return the probability that an effect is a part of what a lost channel does.
+
+    `ratio` is √Δχ² of the effect over that of what traces of the channel follow.
+    """
+    odds = LOOKS_LIKE_LOST_PROBABILITY / (1.0 - LOOKS_LIKE_LOST_PROBABILITY)
+    away = float(np.log(max(ratio, 1e-9)))
+    density = (away / LOOKS_LIKE_LOST_LN) ** 2 - (away / AMPLITUDE_RATIO_LN) ** 2
+    odds *= AMPLITUDE_RATIO_LN / LOOKS_LIKE_LOST_LN * float(np.exp(-0.5 * density))
+    return odds / (1.0 + odds)
 
 
 def unnamed_over_time() -> tuple[float, float]:

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -15,6 +16,7 @@ from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
+    Component,
     EffectSet,
     Names,
 )
@@ -26,6 +28,7 @@ from thermal_comp.diagnosis.evidence.flaws import (
     gains_together,
     log_prior_at,
     may_be_flawed,
+    size_of_gain,
 )
 from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
@@ -45,6 +48,8 @@ class Remainder:
     believed: Names = ()
     """Effects of the set that act as well where it has no name. A law that is not in the catalogue
     may look like any of them in part: then none is believed."""
+    size: float = 0.0
+    """√Δχ² that it explains."""
     course: bool = False
     """Whether all that is known is that runs share a course over time."""
 
@@ -104,22 +109,47 @@ def _unnamed_causes(
         (either, priors.UNLOGGED_PROBABILITY * priors.WITHOUT_TRACE_PROBABILITY, len(laws)),
     ):
         share = float(np.log(prior * once / max(ways, LEAST_UNNAMED_WAYS)))
-        found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    return _with_effects_of_lost_channel(found, _effects_beside_lost_channel(some))
+        found += [
+            replace(b, log_weight=b.log_weight + share, size=size_of_gain(b.log_weight))
+            for b in beside
+        ]
+    return _with_effects_of_lost_channel(hypotheses, some, found)
 
 
-def _with_effects_of_lost_channel(found: Sequence[Remainder], known: Names) -> list[Remainder]:
-    """Return what may act: beside a lost channel its effects are the known ones, or a part."""
-    if not known:
-        return [*found]
-    alike = float(np.log(priors.LOOKS_LIKE_LOST_PROBABILITY))
-    others = float(np.log1p(-priors.LOOKS_LIKE_LOST_PROBABILITY))
-    lost = [b for b in found if b.kind == UNLOGGED]
-    return [
-        *(b for b in found if b.kind != UNLOGGED),
-        *(replace(b, log_weight=b.log_weight + alike) for b in lost),
-        *(replace(b, log_weight=b.log_weight + others, believed=known) for b in lost),
-    ]
+def _with_effects_of_lost_channel(
+    hypotheses: SensorHypotheses, some: EffectSet, found: Sequence[Remainder]
+) -> list[Remainder]:
+    """Return what may act: beside a lost channel each effect of a set acts, or is a part of it.
+
+    Steps and lines are a part of it: a lost channel would make them.
+    """
+    effects = {
+        c.name: _own_size(hypotheses, some, c)
+        for c in some.components
+        if not c.form.effect.guessed_channel
+        and not c.form.effect.repeatable
+        and c.form.effect.line_frequency is None
+    }
+    parted = [b for b in found if b.kind != UNLOGGED]
+    for b in found:
+        lost = {n: priors.probability_of_lost(s / max(b.size, 1.0)) for n, s in effects.items()}
+        for acting in _subsets(sorted(lost)) if b.kind == UNLOGGED else ():
+            share = np.prod([1.0 - p if name in acting else p for name, p in lost.items()])
+            weight = b.log_weight + float(np.log(max(share, 1e-300)))
+            parted.append(replace(b, log_weight=weight, believed=acting))
+    return parted
+
+
+def _own_size(hypotheses: SensorHypotheses, some: EffectSet, one: Component) -> float:
+    """Return √Δχ² that one effect of a set explains beside the others."""
+    others = [c for c in some.components if c is not one]
+    left = hypotheses.explained(others, some.components)
+    return float(np.sqrt(max(hypotheses.explained(some.components) - left, 0.0)))
+
+
+def _subsets(names: Sequence[str]) -> Iterator[Names]:
+    """Yield every choice of some names, none and all among them."""
+    return chain.from_iterable(combinations(names, count) for count in range(len(names) + 1))
 
 
 def _common_cause_of_steps(
@@ -187,21 +217,25 @@ def _log_gains(
     return list(zip(regressors, gains, strict=True))
 
 
-def as_unlogged(some: EffectSet, rest: list[Remainder]) -> list[Remainder]:
+def as_unlogged(
+    hypotheses: SensorHypotheses, some: EffectSet, rest: list[Remainder]
+) -> list[Remainder]:
     """Return what acts beside a set; of a guessed channel its own weight counts as `unlogged`."""
-    if not some.guessed:
+    guesses = [c for c in some.components if c.form.effect.guessed_channel]
+    if not guesses:
         return rest
     own = {'', 'flaw'}
     share = float(np.log(priors.GUESSED_COURSE_PROBABILITY))
+    size = max(_own_size(hypotheses, some, guess) for guess in guesses)
     lost = [
-        replace(b, kind=UNLOGGED, depends_on=some.guessed, log_weight=b.log_weight + share)
+        replace(
+            b, kind=UNLOGGED, depends_on=some.guessed, log_weight=b.log_weight + share, size=size
+        )
         for b in rest
         if b.kind in own
     ]
-    return [
-        *(b for b in rest if b.kind not in own),
-        *_with_effects_of_lost_channel(lost, _effects_beside_lost_channel(some)),
-    ]
+    others = [b for b in rest if b.kind not in own]
+    return others + _with_effects_of_lost_channel(hypotheses, some, lost)
 
 
 def own_variables(some: EffectSet) -> set[str]:
@@ -216,10 +250,3 @@ def _names_without(some: EffectSet, name: str = '') -> Names:
     """Return the effects of a set without those of one name, or of a channel that is guessed."""
     own = (c for c in some.components if not c.form.effect.guessed_channel)
     return tuple(sorted(c.name for c in own if c.name != name))
-
-
-def _effects_beside_lost_channel(some: EffectSet) -> Names:
-    """Return the effects of a set other than steps and lines, which a lost channel would make."""
-    effects = [c.form.effect for c in some.components]
-    switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
-    return tuple(name for name in _names_without(some) if name not in switched)
