@@ -98,17 +98,9 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     and O'Hagan, Bayesian Calibration of Computer Models, 2001).
     """
     explained = explained_by_equations(hypotheses, some)
-    largest = _largest_flaw(some.beside(hypotheses.known), explained)
-    size = priors.flaw_log_prior(explained)
+    size, largest = priors.flaw_log_prior(explained), priors.LARGEST_FLAW_SHARE * explained
     function = FlexibleFunction(hypotheses.discrepancy, size, largest)
     return gain_of(state, function, beside=True)[0]
-
-
-def _largest_flaw(some: EffectSet, explained: float) -> float:
-    """Return √Δχ² that a function may explain as a flaw; of lines alone without a bound."""
-    effects = [c.form.effect for c in some.components]
-    lines = bool(effects) and all(effect.line_frequency is not None for effect in effects)
-    return np.inf if lines else priors.LARGEST_FLAW_SHARE * explained
 
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -162,9 +154,11 @@ def _flaw(
     alike: list[float] = []
     others: list[float] = []
     for further, with_it, weight in larger:
+        size = _more_explained(hypotheses, with_it, some)
+        if size > priors.LARGEST_FLAW_SHARE * explained:
+            continue
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
         if further in kin:
-            size = _more_explained(hypotheses, with_it, some)
             alike.append(gain + weight + log_prior_at(size, likeness))
         else:  # no flaw looks like slow noise
             size = _more_than_noise(hypotheses, with_it, some)
@@ -224,7 +218,7 @@ def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFun
         if variable in HISTORY_VARIABLES - left_out or regressor.name == RATE_PER_ORIENTATION:
             sizes.append(of_thermometer)
         if (size := max(sizes, default=0.0)) > 0.0:
-            log_prior, largest = priors.flaw_log_prior(size), _largest_flaw(some, size)
+            log_prior, largest = priors.flaw_log_prior(size), priors.LARGEST_FLAW_SHARE * size
             found.append(FlexibleFunction(regressor.term, log_prior, largest))
     return found
 
