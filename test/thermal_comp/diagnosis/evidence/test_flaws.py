@@ -17,6 +17,7 @@ from thermal_comp.diagnosis.evidence.flaws import (
     may_be_flawed,
     thermometer_acts,
 )
+from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import conditioned, log_sum
@@ -88,6 +89,25 @@ def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
         0
     ] == pytest.approx(free)
     assert gain_of(nothing, FlexibleFunction(term, flat, 0.3 * size), beside=True)[0] < 0.8 * free
+
+
+def test_another_effect_is_no_flaw_of_one_that_explains_nothing() -> None:
+    """However well the two together explain what is left."""
+    answer = lagging_gyroscope()
+    hypotheses = answer.hypotheses
+    lag, settling = (
+        next(c for s in answer.sets for c in s.components if c.name == name)
+        for name in ('thermal_lag', 'warm_up')
+    )
+    sets = [fitted_set(hypotheses, each) for each in ((settling,), (lag, settling))]
+    assert sets[0].explained < 0.1 * sets[1].explained
+    assert sets[1].log_posterior > sets[0].log_posterior + 20.0
+    states = [hypotheses.conditioned(some.components) for some in sets]
+    fitted = [
+        FittedSet(some, state, free_flaw(hypotheses, some, state), -np.inf, frozenset())
+        for some, state in zip(sets, states, strict=True)
+    ]
+    assert flaws(hypotheses, fitted)[0] < 2.0
 
 
 def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:

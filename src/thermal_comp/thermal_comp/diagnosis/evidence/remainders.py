@@ -66,9 +66,8 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     gains = _log_gains(hypotheses, some, state, amplitude)
     measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(whole)]
     if measured:
-        explained = float(np.sqrt(whole.explained))
-        own_error = priors.flaw_log_prior(explained)
-        errors = [FlexibleFunction(r.term, own_error, explained) for r in measured]
+        own_error = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
+        errors = [FlexibleFunction(r.term, own_error) for r in measured]
         each = [gain_of(state, error, beside=True)[0] for error in errors]
         share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
         found.append(Remainder('flaw', None, log_sum(each) + share))
