@@ -13,7 +13,12 @@ from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.estimation import fit_noise
-from thermal_comp.noise.of_runs import determined_noise, log_prior_of_loudness, usual_noise
+from thermal_comp.noise.of_runs import (
+    LARGEST_AXIS_RATIO,
+    determined_noise,
+    log_prior_of_loudness,
+    usual_noise,
+)
 
 from ..campaign import PERIOD, WHITE, chamber, run
 
@@ -75,6 +80,21 @@ def test_noise_that_is_louder_than_usual_has_an_alternative() -> None:
     assert usual.white == pytest.approx(WHITE['angular_velocity'], rel=0.3)
     assert usual.amplitudes == pytest.approx(np.tile(0.2 * usual.white, (7, 1)))
     assert usual_noise(runs, 'gyroscope', usual) is None
+
+
+def test_an_axis_far_noisier_than_the_others_from_row_to_row_is_loud() -> None:
+    """A supply that was not logged goes up and down as fast as the rows: no noise of one axis."""
+    time = chamber(CYCLES)[0]
+    errors = np.random.default_rng(6).normal(size=(len(time), 1)) * [0.0, 0.0, 1.0]
+    runs = {
+        size: prepare([run(cycles=CYCLES, error={'angular_velocity': size * WANDERING * errors})])
+        for size in (0.0, 30.0)
+    }
+    fitted = {size: fit_noise(some, 'gyroscope') for size, some in runs.items()}
+    assert usual_noise(runs[0.0], 'gyroscope', fitted[0.0]) is None
+    usual = usual_noise(runs[30.0], 'gyroscope', fitted[30.0])
+    assert usual is not None
+    assert usual.white.max() <= LARGEST_AXIS_RATIO * np.median(usual.white)
 
 
 def test_noise_that_is_loud_along_one_axis_alone_is_less_likely_than_along_all() -> None:

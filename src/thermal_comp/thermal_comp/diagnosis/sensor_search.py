@@ -18,7 +18,12 @@ from thermal_comp.diagnosis.coupled_effects import weighed_by_all
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.common_thermometer import information_of_others
-from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED, EffectSet
+from thermal_comp.diagnosis.evidence.effect_sets import (
+    NOT_IN_CATALOGUE,
+    UNLOGGED,
+    EffectSet,
+    Names,
+)
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
 from thermal_comp.diagnosis.evidence.set_fit import set_of_model
@@ -246,15 +251,17 @@ def _with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
     loudness = log_prior_of_loudness(design.noise, usual, design.source.runs[0].period)
     if loudness == 0.0:
         return answer
-    odds = priors.log_odds_of_cause_of_noise(loudness)
-    moved = float(expit(odds)) * probability(answer.explanations, lambda e: not e.names)
     law, lost = priors.unnamed_over_time()
-    unlogged = moved * lost / (law + lost) if answer.hypotheses.lost_over_time else 0.0
-    gains = {(): -moved, (UNLOGGED,): unlogged, (NOT_IN_CATALOGUE,): moved - unlogged}
-    changed = [
-        replace(e, probability=e.probability + gains.get(e.names, 0.0))
-        for e in answer.explanations
-    ]
+    share = lost / (law + lost) if answer.hypotheses.lost_over_time else 0.0
+    gains: dict[Names, float] = {(UNLOGGED,): 0.0, (NOT_IN_CATALOGUE,): 0.0}
+    changed = []
+    for one in answer.explanations:
+        odds = priors.log_odds_of_cause_of_noise(loudness, beside=bool(one.names))
+        moved = 0.0 if one.names in gains else float(expit(odds)) * one.probability
+        changed.append(replace(one, probability=one.probability - moved))
+        gains[UNLOGGED,] += share * moved
+        gains[NOT_IN_CATALOGUE,] += (1.0 - share) * moved
+    changed = [replace(e, probability=e.probability + gains.get(e.names, 0.0)) for e in changed]
     return replace(answer, explanations=tuple(sorted(changed, key=lambda e: -e.probability)))
 
 

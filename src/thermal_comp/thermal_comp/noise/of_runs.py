@@ -29,6 +29,9 @@ LOUD_NOISE_RATIO_OF_FEW = 1.5
 """The same where some run has too few blocks for a saturated model to follow every effect."""
 OTHER_WHITE_RATIO = 2.0
 """Ratio of fitted white noise to that of second differences, from which the latter counts."""
+LARGEST_AXIS_RATIO = 3.0
+"""Ratio of the white noise of an axis to that of the one between, beyond which it is no noise of
+the sensor: axes of one sensor have filters alike."""
 LEAST_BENDS = 10
 """Number of second differences that this needs."""
 LEAST_COVARIANCE_ROWS = 10
@@ -157,6 +160,7 @@ def usual_noise(
         return None
     other = (fitted.white > OTHER_WHITE_RATIO * told) | (OTHER_WHITE_RATIO * fitted.white < told)
     white = np.where(other, told, fitted.white)
+    white = np.minimum(white, LARGEST_AXIS_RATIO * np.median(white))
     slow = np.tile(TYPICAL_SLOW_SHARE * white, (len(fitted.time_constants), 1))
     usual = replace(fitted, white=white, amplitudes=slow)
     period = runs[0].period

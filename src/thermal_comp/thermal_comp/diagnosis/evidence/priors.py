@@ -183,13 +183,15 @@ def unnamed_over_time() -> tuple[float, float]:
     return NOT_IN_CATALOGUE_PROBABILITY, UNLOGGED_PROBABILITY * WITHOUT_TRACE_PROBABILITY
 
 
-def log_odds_of_cause_of_noise(loudness: float) -> float:
+def log_odds_of_cause_of_noise(loudness: float, *, beside: bool = False) -> float:
     """Return ln of the odds that noise which is louder than usual has a cause without a name.
 
     `loudness` is ln of the prior of such noise relative to usual noise, a normal density of the
-    ln of its ratio with standard deviation 1; the cause is of any size on the grid.
+    ln of its ratio with standard deviation 1; the cause is of any size on the grid. `beside`: it
+    stands beside an effect that has a name.
     """
-    once = sum(unnamed_over_time()) * (1.0 - NOTHING_PROBABILITY) / NOTHING_PROBABILITY
+    any_effect = (1.0 - NOTHING_PROBABILITY) / NOTHING_PROBABILITY
+    once = sum(unnamed_over_time()) * (ANOTHER_EFFECT_PROBABILITY if beside else any_effect)
     size = 1.0 / np.log(AMPLITUDES[-1] / AMPLITUDES[0])
     return float(np.log(once * size) - loudness + 0.5 * np.log(2.0 * np.pi))
 
