@@ -204,7 +204,10 @@ def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
 
 
 def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFunction]:
-    """Return the functions of one variable that a flaw may be, as large as what they belong to."""
+    """Return the functions of one variable that a flaw may be, as large as what they belong to.
+
+    That of a line's frequency has no bound: a line that comes and goes is mostly that.
+    """
     some = one.set.beside(hypotheses.known)
     of_effects, of_history = float(np.sqrt(some.explained)), _explained_by_history(some)
     of_thermometer = float(np.sqrt(hypotheses.explained_by_thermometer))
@@ -218,7 +221,9 @@ def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFun
         if variable in HISTORY_VARIABLES - left_out or regressor.name == RATE_PER_ORIENTATION:
             sizes.append(of_thermometer)
         if (size := max(sizes, default=0.0)) > 0.0:
-            log_prior, largest = priors.flaw_log_prior(size), priors.LARGEST_FLAW_SHARE * size
+            log_prior = priors.flaw_log_prior(size)
+            comes_and_goes = variable == 'frequency'
+            largest = np.inf if comes_and_goes else priors.LARGEST_FLAW_SHARE * size
             found.append(FlexibleFunction(regressor.term, log_prior, largest))
     return found
 
