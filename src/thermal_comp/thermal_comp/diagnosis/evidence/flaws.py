@@ -206,11 +206,12 @@ def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
 def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFunction]:
     """Return the functions of one variable that a flaw may be, as large as what they belong to.
 
-    That of a line's frequency has no bound: a line that comes and goes is mostly that.
+    That of the frequency has no bound beside lines alone: one that comes and goes is mostly that.
     """
     some = one.set.beside(hypotheses.known)
     of_effects, of_history = float(np.sqrt(some.explained)), _explained_by_history(some)
     of_thermometer = float(np.sqrt(hypotheses.explained_by_thermometer))
+    of_lines = all(c.form.effect.line_frequency is not None for c in some.components)
     left_out = {'temperature', *one.variables_of_larger}
     found = []
     for regressor in hypotheses.regressors:
@@ -222,7 +223,7 @@ def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFun
             sizes.append(of_thermometer)
         if (size := max(sizes, default=0.0)) > 0.0:
             log_prior = priors.flaw_log_prior(size)
-            comes_and_goes = variable == 'frequency'
+            comes_and_goes = of_lines and variable == 'frequency'
             largest = np.inf if comes_and_goes else priors.LARGEST_FLAW_SHARE * size
             found.append(FlexibleFunction(regressor.term, log_prior, largest))
     return found
