@@ -94,7 +94,7 @@ def search_sensors(
     for effect in settings.catalogue.values():
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
-    return {sensor: _with_cause_of_noise(answer) for sensor, answer in found.items()}
+    return {sensor: with_cause_of_noise(answer) for sensor, answer in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,11 +239,11 @@ def _likelier(one: SensorAnswer, other: SensorAnswer, usual: NoiseModel | None) 
     )
 
 
-def _with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
+def with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
     """Return an answer in which noise that is louder than usual may have a cause without a name.
 
     Such a cause explains the rows as well as the noise that was fitted to them: only what is
-    believed beforehand tells them apart.
+    believed beforehand tells them apart. Explanations that have one already stay as they are.
     """
     design, usual = answer.hypotheses.design, answer.usual_noise
     if usual is None:
@@ -257,7 +257,8 @@ def _with_cause_of_noise(answer: SensorAnswer) -> SensorAnswer:
     changed = []
     for one in answer.explanations:
         odds = priors.log_odds_of_cause_of_noise(loudness, beside=bool(one.names))
-        moved = 0.0 if one.names in gains else float(expit(odds)) * one.probability
+        unnamed = {UNLOGGED, NOT_IN_CATALOGUE} & {*one.names}
+        moved = 0.0 if unnamed else float(expit(odds)) * one.probability
         changed.append(replace(one, probability=one.probability - moved))
         gains[UNLOGGED,] += share * moved
         gains[NOT_IN_CATALOGUE,] += (1.0 - share) * moved

@@ -30,8 +30,8 @@ LOUD_NOISE_RATIO_OF_FEW = 1.5
 OTHER_WHITE_RATIO = 2.0
 """Ratio of fitted white noise to that of second differences, from which the latter counts."""
 LARGEST_AXIS_RATIO = 3.0
-"""Ratio of the white noise of an axis to that of the one between, beyond which it is no noise of
-the sensor: axes of one sensor have filters alike."""
+"""Ratio of the white noise of an axis to the median of the three, beyond which it is no noise of
+the sensor: its axes are made alike."""
 LEAST_BENDS = 10
 """Number of second differences that this needs."""
 LEAST_COVARIANCE_ROWS = 10

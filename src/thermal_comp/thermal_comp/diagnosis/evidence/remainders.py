@@ -132,8 +132,10 @@ def _with_effects_of_lost_channel(
     }
     parted = [b for b in found if b.kind != UNLOGGED]
     for b in found:
+        if b.kind != UNLOGGED:
+            continue
         lost = {n: priors.probability_of_lost(s / max(b.size, 1.0)) for n, s in effects.items()}
-        for acting in _subsets(sorted(lost)) if b.kind == UNLOGGED else ():
+        for acting in _subsets(sorted(lost)):
             share = np.prod([1.0 - p if name in acting else p for name, p in lost.items()])
             weight = b.log_weight + float(np.log(max(share, 1e-300)))
             parted.append(replace(b, log_weight=weight, believed=acting))
