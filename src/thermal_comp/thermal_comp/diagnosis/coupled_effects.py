@@ -66,7 +66,7 @@ def weighed_by_all(effect: Effect, searched: Sequence[SensorAnswer]) -> list[Eff
     ]
     # What has no name in another sensor is no sign of an effect that this one feels.
     limit = 0.0 if any(answer.kind in UNNAMED_CAUSES for answer in others) else np.inf
-    said = sum(a.set_of(a.likeliest.components).log_posterior for a in others)
+    said = sum(answer.sets[0].log_posterior for answer in others)
     sets = [s for s in first.sets if effect.name not in s.names]
     for some in with_effect(effect.name, first):
         rest = [c for c in some.components if c.name != effect.name]
@@ -157,6 +157,9 @@ def _log_weight(
 
 
 def _other_components(effect: Effect, answer: SensorAnswer, *, with_kin: bool) -> list[Component]:
-    """Return the effects of a sensor's likeliest set; kin of the effect only `with_kin`."""
-    said = answer.likeliest.components
-    return [c for c in said if with_kin or not c.form.effect.is_kin_of(effect)]
+    """Return the effects of a sensor's likeliest set; kin of the effect only `with_kin`.
+
+    That is the set before any of it is taken for a flaw of the rest: the effect would be fitted to
+    that flaw.
+    """
+    return [c for c in answer.sets[0].components if with_kin or not c.form.effect.is_kin_of(effect)]
