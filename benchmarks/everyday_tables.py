@@ -215,6 +215,23 @@ def calibration_error(pairs: np.ndarray) -> float:
     return error / max(len(pairs), 1)
 
 
+def errors_if_calibrated(rows: Sequence[Row], draws: int = 200) -> list[float]:
+    """Return what the calibration error would be by chance if every probability were right.
+
+    Of each answer one set is drawn to be the truth, by the probabilities themselves.
+    """
+    rng = np.random.default_rng(0)
+    stated = [np.array([p for _, p in group.sets]) for group in _all_groups(rows)]
+    values = np.concatenate([*stated, np.zeros(0)])
+    errors = []
+    for _ in range(draws):
+        drawn = [rng.random() < np.cumsum(p) for p in stated]
+        first = [np.diff(np.concatenate([[False], d]).astype(int)) > 0 for d in drawn]
+        right = np.concatenate([*first, np.zeros(0, bool)])
+        errors.append(calibration_error(np.column_stack([values, right])))
+    return errors
+
+
 def brier(group: Group) -> float:
     total = sum((p - group.right(names)) ** 2 for names, p in group.sets)
     return total + (0.0 if any(group.right(names) for names, _ in group.sets) else 1.0)
@@ -336,6 +353,11 @@ def reliability(rows: Sequence[Row]) -> str:
             lines.append(
                 f'{k / 10:.1f} … {k / 10 + 0.1:.1f}: {stated:.2f}   {found:.2f}    {len(inside)}'
             )
+    low, middle, high = np.percentile(errors_if_calibrated(rows), [5, 50, 95])
+    lines.append(
+        f'ECE {calibration_error(pairs):.3f}; by chance, were each right as often as stated, '
+        f'{middle:.3f} ({low:.3f} … {high:.3f}, 90 %)'
+    )
     brier_guess = 1.0 - 1.0 / HYPOTHESES
     lines.append(f'(a uniform guess: Brier {brier_guess:.2f}, log {np.log(HYPOTHESES):.2f})')
     return '\n'.join(lines)

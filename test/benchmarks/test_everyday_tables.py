@@ -3,7 +3,15 @@
 
 import numpy as np
 import pytest
-from everyday_tables import calibration_error, error_ratios, groups, hypotheses, shift, tables
+from everyday_tables import (
+    calibration_error,
+    error_ratios,
+    errors_if_calibrated,
+    groups,
+    hypotheses,
+    shift,
+    tables,
+)
 
 ALL = {'accelerometer': {}, 'gyroscope': {}, 'magnetometer': {}}
 
@@ -143,3 +151,13 @@ def test_tables_count_what_crashed():
     text = tables(rows)
     assert '2 campaigns, 1 of them crashed' in text
     assert 'P(nothing) > 0.5 on all sensors' in text
+
+
+def test_answers_that_are_right_as_often_as_stated_have_an_error_by_chance():
+    said = [('accelerometer', ['thermal_lag'], 0.7), ('accelerometer', ['warm_up'], 0.3)]
+    one = row([effect('thermal_lag')], said)
+    one['sensors'] = {'accelerometer': {}}
+    few, many = (np.mean(errors_if_calibrated([one] * n)) for n in (4, 400))
+    # n Bernoulli draws: mean |found − stated| = √(2 p (1 − p) / (π n)), in both of the bins.
+    assert many == pytest.approx(np.sqrt(2.0 * 0.21 / (np.pi * 400)), rel=0.15)
+    assert few > 5.0 * many
