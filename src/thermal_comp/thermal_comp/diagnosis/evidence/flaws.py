@@ -143,9 +143,9 @@ def _flaw(
     """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
     some = one.set
     whole = some.beside(hypotheses.known)
-    explained = explained_by_equations(hypotheses, some)
     log_prior = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
-    likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
+    of_laws = _explained_by_laws(hypotheses, whole)
+    likeness = priors.flaw_log_prior(of_laws, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     functions = _functions(hypotheses, one)
     single = gains_together(hypotheses, some, one.state, functions, beside=True)
     if whole.components:
@@ -155,7 +155,7 @@ def _flaw(
     others: list[float] = []
     for further, with_it, weight in larger:
         size = _more_explained(hypotheses, with_it, some)
-        if size > priors.LARGEST_FLAW_SHARE * explained:
+        if size > priors.LARGEST_FLAW_SHARE * of_laws:
             continue
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
         if further in kin:
@@ -186,6 +186,18 @@ def _more_than_noise(hypotheses: SensorHypotheses, larger: EffectSet, some: Effe
         for one in (larger, some)
     )
     return float(np.sqrt(max(of_larger - of_some, 0.0)))
+
+
+def _explained_by_laws(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+    """Return √Δχ² that laws of temperature, time or orientation explain.
+
+    What is proportional to a channel has no law that could look like another effect.
+    """
+    if all(c.form.effect.kin for c in some.components):
+        of_effects = float(np.sqrt(some.explained))
+    else:
+        of_effects = float(np.linalg.norm([c.amplitude for c in some.components if c.form.effect.kin]))
+    return max(of_effects, float(np.sqrt(hypotheses.explained_by_thermometer)))
 
 
 def _explained_by_history(some: EffectSet) -> float:
