@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,12 +26,15 @@ def behind(time_constant: float) -> np.ndarray:
     return die - lagging(die, time_constant, PERIOD)
 
 
-def searched(error: np.ndarray) -> SensorAnswer:
-    """Return what explains an error (n,) that the axes feel as 1, −0.5 and 0.7."""
+def searched(
+    error: np.ndarray, names: Sequence[str] = CATALOGUE, supply: np.ndarray | None = None
+) -> SensorAnswer:
+    """Return which effects explain an error (n,) that the axes feel as 1, −0.5 and 0.7."""
     shaped = {'angular_velocity': error[:, None] * np.array([1.0, -0.5, 0.7])}
-    runs = prepare([run(cycles=1, period=PERIOD, error=shaped)])
+    recording = run(cycles=1, period=PERIOD, error=shaped)
+    runs = prepare([replace(recording, supply_voltage=supply)])
     base = {'gyroscope': (EFFECTS['bias_temperature'](),)}
-    settings = Settings({name: EFFECTS[name] for name in CATALOGUE})
+    settings = Settings({name: EFFECTS[name] for name in names})
     return search_sensors(runs, base, determined_noise(runs, base)[0], settings)['gyroscope']
 
 

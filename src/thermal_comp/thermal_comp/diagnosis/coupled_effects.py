@@ -162,4 +162,5 @@ def _other_components(effect: Effect, answer: SensorAnswer, *, with_kin: bool) -
     That is the set before any of it is taken for a flaw of the rest: the effect would be fitted to
     that flaw.
     """
-    return [c for c in answer.sets[0].components if with_kin or not c.form.effect.is_kin_of(effect)]
+    said = answer.sets[0].components
+    return [c for c in said if with_kin or not c.form.effect.is_kin_of(effect)]

@@ -110,6 +110,24 @@ def test_another_effect_is_no_flaw_of_one_that_explains_nothing() -> None:
     assert flaws(hypotheses, fitted)[0] < 2.0
 
 
+def test_no_flaw_of_a_lag_looks_like_a_warm_up() -> None:
+    """Its law is one of the temperature, however much larger what it explains may be."""
+    time, *_ = chamber(1, PERIOD)
+    answer = searched(1e-3 * behind(600.0) + 2e-3 * np.exp(-time / 1500.0))
+    assert answer.likeliest.names == ('thermal_lag', 'warm_up')
+    assert answer.explanations[0].probability > 0.9
+
+
+def test_what_is_proportional_to_a_channel_has_no_flaw_like_a_step() -> None:
+    time, *_ = chamber(1, PERIOD)
+    supply = 3.3 + 0.05 * np.sin(time / 900.0) ** 3
+    step = 2e-4 * (time > 0.6 * time[-1])
+    names = ('bias_step', 'supply_sensitivity')
+    answer = searched(0.1 * (supply - 3.3) + step, names, supply)
+    assert answer.explanations[0].names == names
+    assert answer.probability_of('bias_step') > 0.95
+
+
 def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:
     known = -np.arange(len(priors.AMPLITUDES), dtype=float)
     between = float(np.sqrt(priors.AMPLITUDES[3] * priors.AMPLITUDES[4]))

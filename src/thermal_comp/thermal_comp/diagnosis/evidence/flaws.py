@@ -120,9 +120,11 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
       temperature's history explain; one that errors of the thermometer may follow as a share of
       what these explain, any other as a share of what the effects explain;
     - the columns of a kindred effect, as a gradient's for a lag of two stages;
-    - the columns of any other effect.
+    - the columns of a step or a spectral line, each as one of all effects: what comes and goes
+      looks like these by chance; no flaw of a law of temperature looks like one of time.
 
-    The last two are weighed by the set that has that effect as well, with or without a flaw.
+    What is proportional to a channel has no law that could look like another effect. The last two
+    are weighed by the set that has that effect as well, with or without a flaw.
     """
     found: dict[int, float] = {}
     for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
@@ -160,7 +162,7 @@ def _flaw(
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
         if further in kin:
             alike.append(gain + weight + log_prior_at(size, likeness))
-        else:  # no flaw looks like slow noise
+        elif _of_any_course(with_it, further):  # no flaw looks like slow noise
             size = _more_than_noise(hypotheses, with_it, some)
             others.append(gain + weight + log_prior_at(size, likeness))
     ways = [(one.free_flaw, 1)]
@@ -170,6 +172,12 @@ def _flaw(
     ways += [(log_sum(others), every)] if others else []
     parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
     return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE_PROBABILITY))
+
+
+def _of_any_course(some: EffectSet, name: str) -> bool:
+    """Tell whether an effect of a set may be found in any course: a step, a spectral line."""
+    effect = next(c.form.effect for c in some.components if c.name == name)
+    return effect.repeatable or effect.line_frequency is not None
 
 
 def _more_explained(hypotheses: SensorHypotheses, larger: EffectSet, some: EffectSet) -> float:
@@ -196,7 +204,8 @@ def _explained_by_laws(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     if all(c.form.effect.kin for c in some.components):
         of_effects = float(np.sqrt(some.explained))
     else:
-        of_effects = float(np.linalg.norm([c.amplitude for c in some.components if c.form.effect.kin]))
+        sizes = [c.amplitude for c in some.components if c.form.effect.kin]
+        of_effects = float(np.linalg.norm(sizes))
     return max(of_effects, float(np.sqrt(hypotheses.explained_by_thermometer)))
 
 
