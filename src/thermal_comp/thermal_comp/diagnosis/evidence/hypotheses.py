@@ -134,6 +134,23 @@ class SensorHypotheses:
         """Return the nuisances that are likeliest beside components."""
         return self.likeliest_alternative(components)[1]
 
+    def with_less_noise(
+        self, components: Sequence[Component]
+    ) -> list[tuple[float, Sequence[CoefficientPrior]]]:
+        """Return the likeliest alternative of the nuisances and those with less slow noise.
+
+        Of each amount of it the likeliest one, ln of its prior first.
+        """
+        likeliest = self.likeliest_alternative(components)
+        loudest = _power(likeliest[1])
+        found: dict[float, tuple[float, tuple[float, Sequence[CoefficientPrior]]]] = {}
+        for ln, some in self.nuisances:
+            if (power := _power(some)) < loudest:
+                likely = ln + self.joint(components, some)[0]
+                if power not in found or likely > found[power][0]:
+                    found[power] = likely, (ln, some)
+        return [likeliest, *(alternative for _, alternative in found.values())]
+
     def _prior_chi2(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
         normal, right = self.design.equations(thermometer.columns)
@@ -149,22 +166,26 @@ class SensorHypotheses:
         *,
         thermometer: bool = True,
         further: Sequence[Component] = (),
+        nuisances: Sequence[CoefficientPrior] | None = None,
     ) -> ConditionedDesign:
         """Return the equations with nuisances and components integrated out.
 
         `generic`: generic regressors' coefficients are integrated out as well; `thermometer`:
-        whether the thermometer's errors are. Nuisances are those likeliest beside the components
-        and `further` ones.
+        whether the thermometer's errors are. Nuisances are those given, or those likeliest beside
+        the components and `further` ones.
         """
         key = _key(components)
         if key not in self._felt:
             self._felt[key] = self._felt_errors(components)
         felt = self._felt[key]
         together = (*components, *further)
-        nuisances = self.likeliest_nuisances(together)
+        if nuisances is None:
+            nuisances = self.likeliest_nuisances(together)
+            if felt:
+                each = self._with_felt(together, felt)
+                nuisances = self.nuisances[int(np.argmax(each))][1]
         if felt:
-            each = self._with_felt(together, felt)
-            nuisances = self._beside(felt, self.nuisances[int(np.argmax(each))][1])
+            nuisances = self._beside(felt, nuisances)
         integrated = [
             *(nuisances if thermometer else nuisances[1:]),
             *(c.prior for c in components),
@@ -280,6 +301,11 @@ class SensorHypotheses:
 def _key(components: Sequence[Component]) -> Hashable:
     """Return what tells components apart."""
     return tuple((c.form.effect, c.form.run, c.amplitude) for c in components)
+
+
+def _power(nuisances: Sequence[CoefficientPrior]) -> float:
+    """Return the power of all but the thermometer's errors: alternatives differ by slow noise."""
+    return float(sum((prior.deviation**2).sum() for prior in nuisances[1:]))
 
 
 def _visible(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:

@@ -24,6 +24,8 @@ TRIED_ADDITIONS = 4
 """Effects each of them is extended by."""
 LEAST_LOG_EVIDENCE_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
+CLEAR_LOG_EVIDENCE_GAIN = 10.0
+"""Gain of the best addition from which no other amount of slow noise is looked at."""
 PROMISING_SHARE = 0.3
 """Share of the best addition's gain of ln evidence from which another is fitted …"""
 LOG_EVIDENCE_LEEWAY = 15.0
@@ -142,9 +144,37 @@ def additions_to(
         offered = [
             renewed(hypotheses.design, f, known) if f.effect.repeatable else f for f in offered
         ]
-    state = hypotheses.conditioned(before.components, thermometer=thermometer)
     # In a short run the edge of a known step may be all that another could be.
-    return {f.name: _addition(hypotheses, state, f, amplitude_prior) for f in offered if f.forms}
+    offered = [family for family in offered if family.forms]
+    found: list[tuple[float, dict[str, Addition]]] = []
+    for ln, nuisances in hypotheses.with_less_noise(before.components):
+        state = hypotheses.conditioned(
+            before.components, thermometer=thermometer, nuisances=nuisances
+        )
+        each = {f.name: _addition(hypotheses, state, f, amplitude_prior) for f in offered}
+        found.append((ln + state.log_evidence, each))
+        clear = max((a.peak for a in found[0][1].values()), default=0.0)
+        if clear > CLEAR_LOG_EVIDENCE_GAIN:
+            break
+    return _beside_any_noise(found)
+
+
+def _beside_any_noise(
+    found: Sequence[tuple[float, Mapping[str, Addition]]],
+) -> dict[str, Addition]:
+    """Return additions beside some amounts of slow noise, each with ln of its weight.
+
+    What is likelier beside less noise than there seems to be without it takes up that noise.
+    """
+    before = log_sum([weight for weight, _ in found])
+    together: dict[str, Addition] = {}
+    for name in found[0][1]:
+        each = [(weight - before, additions[name]) for weight, additions in found]
+        best = max(each, key=lambda pair: pair[0] + pair[1].peak)[1]
+        gain = log_sum([weight + a.log_gain for weight, a in each])
+        peak = log_sum([weight + a.peak for weight, a in each])
+        together[name] = Addition(gain, peak, best.component)
+    return together
 
 
 def _addition(
