@@ -14,6 +14,7 @@ from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import EffectToHide, hidden_campaign, practice_campaign
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE_PROBABILITY
 from thermal_comp.diagnosis.result import Finding
 
 from imu_recording import ImuRecording
@@ -46,9 +47,12 @@ def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
     hidden_effects = [EffectToHide(name, 3.0, sensor) for sensor, name in hidden.items()]
     recordings, _ = practice_campaign(hidden_effects, seed=11, mean_s=60.0)
     acted = acted_on(recordings)
-    assert {f.sensor: f.name for f in acted} == hidden
-    assert len(acted) == len(hidden)
-    for finding in acted:
+    named = {hidden[sensor]: sensor for sensor in hidden}
+    first = [f for f in acted if named.get(f.name or '') == f.sensor]
+    assert len(first) == len(hidden)
+    # Another name may stand beside it for what the finer form differs by, but not for certain.
+    assert all(f.probability < CREDIBLE_PROBABILITY for f in acted if f not in first)
+    for finding in first:
         assert finding.error_after < 1.1 * finding.noise_floor < finding.error_before
 
 
