@@ -56,6 +56,22 @@ def test_others_that_know_it_by_another_name_do_not_speak_for_it(
             assert some.log_posterior < before[some.names] + 1.0
 
 
+def test_what_another_sensor_has_is_not_left_to_it_once_it_is_called_a_flaw(
+    answers: list[SensorAnswer],
+) -> None:
+    """Whatever explanations say, a tilt is fitted to nothing that a set of effects explains."""
+    accelerometer, magnetometer = answers
+    silent = tuple(
+        replace(e, probability=1.0 if e.names == () else 0.0) for e in magnetometer.explanations
+    )
+    weighed = [
+        {s.names: s.log_posterior for s in weighed_by_all(FixtureTilt(), [accelerometer, other])}
+        for other in (magnetometer, replace(magnetometer, explanations=silent))
+    ]
+    assert magnetometer.sets[0].names == ('fixture_hard_iron',)
+    assert weighed[0] == weighed[1]
+
+
 @pytest.mark.long
 def test_a_sensor_whose_error_has_no_name_does_not_speak_for_it() -> None:
     """It feels the tilt, too, so that it would."""

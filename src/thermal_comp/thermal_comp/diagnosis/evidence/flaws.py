@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray
 from scipy.interpolate import CubicSpline
 
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
 from thermal_comp.diagnosis.evidence.generic_regressors import RATE_PER_ORIENTATION
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.candidate_design import ColumnGroup
@@ -175,7 +175,7 @@ def _flaw(
 
 
 def _of_any_course(some: EffectSet, name: str) -> bool:
-    """Tell whether an effect of a set may be found in any course: a step, a spectral line."""
+    """Tell whether an effect of a set is a step or a spectral line: any course holds some."""
     effect = next(c.form.effect for c in some.components if c.name == name)
     return effect.repeatable or effect.line_frequency is not None
 
@@ -197,22 +197,24 @@ def _more_than_noise(hypotheses: SensorHypotheses, larger: EffectSet, some: Effe
 
 
 def _explained_by_laws(hypotheses: SensorHypotheses, some: EffectSet) -> float:
-    """Return √Δχ² that laws of temperature, time or orientation explain.
+    """Return √Δχ² that laws of temperature, time or orientation explain, or the thermometer.
 
     What is proportional to a channel has no law that could look like another effect.
     """
-    if all(c.form.effect.kin for c in some.components):
-        of_effects = float(np.sqrt(some.explained))
-    else:
-        sizes = [c.amplitude for c in some.components if c.form.effect.kin]
-        of_effects = float(np.linalg.norm(sizes))
+    laws = [c for c in some.components if c.form.effect.kin]
+    whole = len(laws) == len(some.components)
+    of_effects = float(np.sqrt(some.explained)) if whole else _size_of(laws)
     return max(of_effects, float(np.sqrt(hypotheses.explained_by_thermometer)))
 
 
 def _explained_by_history(some: EffectSet) -> float:
     """Return √Δχ² that effects of the temperature's history explain."""
-    sizes = [c.amplitude for c in some.components if c.form.effect.kin == 'temperature']
-    return float(np.linalg.norm(sizes))
+    return _size_of([c for c in some.components if c.form.effect.kin == 'temperature'])
+
+
+def _size_of(components: Sequence[Component]) -> float:
+    """Return √Δχ² of a part of a set, by the amplitudes of its effects."""
+    return float(np.linalg.norm([c.amplitude for c in components]))
 
 
 def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -88,8 +88,8 @@ class SensorHypotheses:
         self.rows = 3 * design.rows - design.base_rank
         self.fits: dict[Names, tuple[Component, ...]] = {}
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
-        self._likeliest: dict[Hashable, tuple[float, Sequence[CoefficientPrior]]] = {}
-        """Components → the alternative of the nuisances that is likeliest beside them."""
+        self._likely: dict[Hashable, list[float]] = {}
+        """Components → ln of prior times evidence of each alternative of the nuisances."""
         self._felt: dict[Hashable, FeltErrors] = {}
         """Components → what they make of errors of the temperature."""
         self._weigh_nuisances()
@@ -108,7 +108,7 @@ class SensorHypotheses:
         self._weigh_nuisances()
 
     def _weigh_nuisances(self) -> None:
-        self._likeliest.clear()
+        self._likely.clear()
         self._felt.clear()
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())
@@ -124,11 +124,14 @@ class SensorHypotheses:
 
         Slow noise seen beside no effect may be what a large effect has done.
         """
+        return self.nuisances[int(np.argmax(self._log_posteriors(components)))]
+
+    def _log_posteriors(self, components: Sequence[Component]) -> list[float]:
+        """Return ln of prior times evidence of each alternative of the nuisances."""
         key = _key(components)
-        if key not in self._likeliest:
-            likely = [ln + evidence for ln, (evidence, _) in self._alternatives(components)]
-            self._likeliest[key] = self.nuisances[int(np.argmax(likely))]
-        return self._likeliest[key]
+        if key not in self._likely:
+            self._likely[key] = [ln + z for ln, (z, _) in self._alternatives(components)]
+        return self._likely[key]
 
     def likeliest_nuisances(self, components: Sequence[Component]) -> Sequence[CoefficientPrior]:
         """Return the nuisances that are likeliest beside components."""
@@ -136,20 +139,22 @@ class SensorHypotheses:
 
     def with_less_noise(
         self, components: Sequence[Component]
-    ) -> list[tuple[float, Sequence[CoefficientPrior]]]:
-        """Return the likeliest alternative of the nuisances and those with less slow noise.
+    ) -> Iterator[tuple[float, Sequence[CoefficientPrior]]]:
+        """Yield the likeliest alternative of the nuisances, then those with less slow noise.
 
-        Of each amount of it the likeliest one, ln of its prior first.
+        Of each amount of it the likeliest one; ln of the prior first.
         """
-        likeliest = self.likeliest_alternative(components)
-        loudest = _power(likeliest[1])
-        found: dict[float, tuple[float, tuple[float, Sequence[CoefficientPrior]]]] = {}
-        for ln, some in self.nuisances:
-            if (power := _power(some)) < loudest:
-                likely = ln + self.joint(components, some)[0]
-                if power not in found or likely > found[power][0]:
-                    found[power] = likely, (ln, some)
-        return [likeliest, *(alternative for _, alternative in found.values())]
+        felt = self._felt_by(components)
+        likely = self._with_felt(components, felt) if felt else self._log_posteriors(components)
+        ranked = [self.nuisances[k] for k in np.argsort(likely)[::-1]]
+        yield ranked[0]
+        loudest = _noise_power(ranked[0][1])
+        looked_at: set[float] = set()
+        for ln, some in ranked[1:]:
+            power = _noise_power(some)
+            if power < loudest and power not in looked_at:
+                looked_at.add(power)
+                yield ln, some
 
     def _prior_chi2(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
@@ -174,10 +179,7 @@ class SensorHypotheses:
         whether the thermometer's errors are. Nuisances are those given, or those likeliest beside
         the components and `further` ones.
         """
-        key = _key(components)
-        if key not in self._felt:
-            self._felt[key] = self._felt_errors(components)
-        felt = self._felt[key]
+        felt = self._felt_by(components)
         together = (*components, *further)
         if nuisances is None:
             nuisances = self.likeliest_nuisances(together)
@@ -206,6 +208,13 @@ class SensorHypotheses:
                 return 0.0
             return log_sum(self._with_felt(components, felt)) - self.log_evidence(components)
 
+    def _felt_by(self, components: Sequence[Component]) -> FeltErrors:
+        """Return what components make of errors of the temperature, computed once."""
+        key = _key(components)
+        if key not in self._felt:
+            self._felt[key] = self._felt_errors(components)
+        return self._felt[key]
+
     def _felt_errors(self, components: Sequence[Component]) -> FeltErrors:
         """Return what components make of errors of the temperature, and what others tell of it."""
         likeliest = self.likeliest_nuisances(components)
@@ -229,7 +238,7 @@ class SensorHypotheses:
 
     def log_evidence(self, components: Sequence[Component]) -> float:
         """Return ln evidence, nuisances integrated."""
-        return log_sum([ln + z for ln, (z, _) in self._alternatives(components)])
+        return log_sum(self._log_posteriors(components))
 
     def explained(
         self, components: Sequence[Component], others: Sequence[Component] | None = None
@@ -303,8 +312,11 @@ def _key(components: Sequence[Component]) -> Hashable:
     return tuple((c.form.effect, c.form.run, c.amplitude) for c in components)
 
 
-def _power(nuisances: Sequence[CoefficientPrior]) -> float:
-    """Return the power of all but the thermometer's errors: alternatives differ by slow noise."""
+def _noise_power(nuisances: Sequence[CoefficientPrior]) -> float:
+    """Return the variance [Δχ²] of all but the thermometer's errors, which come first.
+
+    Alternatives differ in it by their slow noise alone.
+    """
     return float(sum((prior.deviation**2).sum() for prior in nuisances[1:]))
 
 

@@ -153,8 +153,7 @@ def additions_to(
         )
         each = {f.name: _addition(hypotheses, state, f, amplitude_prior) for f in offered}
         found.append((ln + state.log_evidence, each))
-        clear = max((a.peak for a in found[0][1].values()), default=0.0)
-        if clear > CLEAR_LOG_EVIDENCE_GAIN:
+        if len(found) == 1 and any(a.peak > CLEAR_LOG_EVIDENCE_GAIN for a in each.values()):
             break
     return _beside_any_noise(found)
 
@@ -162,9 +161,9 @@ def additions_to(
 def _beside_any_noise(
     found: Sequence[tuple[float, Mapping[str, Addition]]],
 ) -> dict[str, Addition]:
-    """Return additions beside some amounts of slow noise, each with ln of its weight.
+    """Return additions integrated over amounts of slow noise.
 
-    What is likelier beside less noise than there seems to be without it takes up that noise.
+    `found`: ln of prior times evidence of each amount without an addition, and those beside it.
     """
     before = log_sum([weight for weight, _ in found])
     together: dict[str, Addition] = {}
