@@ -3,15 +3,15 @@
 
 import numpy as np
 import pytest
-from everyday_tables import (
+from everyday_scores import (
     calibration_error,
     error_ratios,
     errors_if_calibrated,
     groups,
     hypotheses,
     shift,
-    tables,
 )
+from everyday_tables import tables
 
 ALL = {'accelerometer': {}, 'gyroscope': {}, 'magnetometer': {}}
 
