@@ -64,7 +64,12 @@ class Processes:
             for _, process, _ in self.running:
                 process.send_signal(signal.SIGINT)
         for name, process, log in self.running:
-            assert process.wait(timeout=60) == 0, (name, log.read_text())
+            try:
+                code = process.wait(timeout=60)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGABRT)  # it says where its threads stand
+                code = process.wait()
+            assert code == 0, (name, log.read_text())
             assert 'Traceback' not in log.read_text(), (name, log.read_text())
         self.running.clear()
 

@@ -37,10 +37,18 @@ class Interrupted(ConfiguredNode):
         self.publish_diagnostics()
         print('released', flush=True)
 
+    def destroy_node(self):
+        while {stuck}:
+            time.sleep(3600)
+        super().destroy_node()
+
+run_node.__globals__['RELEASE_TIMEOUT_S'] = 0.5 if {stuck} else 20
 sys.exit(run_node(Interrupted))
 """
 FAST_DDS = 'rmw_fastrtps_cpp'
-OPTIONS = {'number': 'SIGINT', 'event_driven': False, 'refuse': False, 'slow': False}
+OPTIONS = {
+    'number': 'SIGINT', 'event_driven': False, 'refuse': False, 'slow': False, 'stuck': False,
+}  # fmt: skip
 
 
 def run(folder: Path, *arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
@@ -69,6 +77,16 @@ def test_a_callback_ends_before_the_node_does(
 def test_an_interrupt_ends_a_node_that_is_still_being_configured(tmp_path: Path) -> None:
     done = run(tmp_path, slow=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
+
+
+@pytest.mark.parametrize('event_driven', [False, True])
+def test_a_middleware_that_keeps_hold_of_the_node_is_left_behind(
+    tmp_path: Path, *, event_driven: bool
+) -> None:
+    done = run(tmp_path, stuck=True, event_driven=event_driven)
+    assert done.returncode == 1
+    assert done.stdout.splitlines()[-1] == 'released'
+    assert 'in destroy_node' in done.stderr
 
 
 def test_a_refused_configuration_leaves_the_node_unconfigured(tmp_path: Path) -> None:

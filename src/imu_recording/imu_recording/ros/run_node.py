@@ -9,6 +9,7 @@ once.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import re
@@ -74,6 +75,9 @@ class Interrupts:
 
 SPIN_TIMEOUT_S = 0.2
 """An interrupt is seen at most this long after it came [s]."""
+RELEASE_TIMEOUT_S = 20.0
+"""A middleware that has not let go of a released node by then is left behind [s]."""
+STDERR = 2
 REFUSED_EXIT_CODE = 2
 """Exit code where the arguments or, of a node with an end, the configuration are refused."""
 UNCONFIGURED_ADVICE = (
@@ -102,8 +106,9 @@ def run_node(
 
     Arguments that cannot be read end it; a configuration that is refused leaves it unconfigured
     with the reason in its diagnostics. The ROS context lives until the node is released, so that
-    its last messages still go out. `spin` is the loop of a node that ends in a way of its own,
-    also by a refused configuration.
+    its last messages still go out; where the middleware keeps hold of it, the process says where
+    it stands and ends with exit code 1. `spin` is the loop of a node that ends in a way of its
+    own, also by a refused configuration.
     """
     arguments = list(sys.argv if args is None else args)
     if asks_for_help(arguments):
@@ -132,8 +137,10 @@ def run_node(
         interrupts.ignore()
         if node is not None:
             node.end()
+            faulthandler.dump_traceback_later(RELEASE_TIMEOUT_S, exit=True, file=STDERR)
             node.destroy_node()
         rclpy.try_shutdown()
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _new_node(node_class: Callable[[], ConfiguredNode], arguments: list[str]) -> ConfiguredNode:
