@@ -234,6 +234,8 @@ ROWS = [f'{k},0.1,0.2,9.8,0.001,0.002,0.003,2{k % 9}.5' for k in range(200)]
 HEADER = 't,ax,ay,az,gx,gy,gz,temp'
 
 
+WORDS = [f'{200 + k},err,1,9.8,0,0,0,25' for k in range(5)]
+
 NO_TABLES = {
     'empty': ('', 'the file is empty'),
     'header alone': (HEADER, 'no line follows it'),
@@ -247,7 +249,7 @@ NO_TABLES = {
         "'t' holds the same time",
     ),
     'a year beyond': ('\n'.join([HEADER, *ROWS, '1e300,1e300,1,1,1,1,1,1']), '1e+300 ms is no'),
-    'a word': ('\n'.join([HEADER, *ROWS, '200,err,1,9.8,0,0,0,25']), "'err' is no number; corr"),
+    'words': ('\n'.join([HEADER, *ROWS, *WORDS]), "'err' is no number; corr"),
 }
 
 

@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from imu_workbench.__main__ import main
 from imu_workbench.answer import CHECK_FAILED
+from thermal_comp.model.bounds import LARGEST_ERROR
 from thermal_comp.model.file import load_model
 
 from imu_recording import write_bag
@@ -47,6 +49,18 @@ def test_a_model_that_held_out_parts_speak_against_is_saved_by_force_alone(
     assert json.loads(answer.read_text())['model'] is None
     assert main([*argv, '--force']) == 0
     assert load_model(target).device == 'dut1'
+
+
+def test_what_was_fitted_is_shown_where_no_sensor_can_have_it(
+    device_bags: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LARGEST_ERROR, 'gyroscope', 1e-6)
+    target = tmp_path / 'm.yaml'
+    assert main(['fit', str(device_bags / 'dut1'), '-o', str(target)]) == CHECK_FAILED
+    said = capsys.readouterr().out
+    assert 'held out' in said
+    assert 'the model is not saved: sensors.gyroscope' in said
+    assert not target.exists()
 
 
 def test_pooling_is_refuted_by_opposite_slopes(device_bags: Path, tmp_path: Path, capsys) -> None:

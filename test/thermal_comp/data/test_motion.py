@@ -99,6 +99,19 @@ def test_a_device_that_is_picked_up_is_left_out_while_it_moves() -> None:
         assert (known[~at] == 1).mean() > 0.999
 
 
+@pytest.mark.parametrize('rows', [slice(0, 10), slice(590, 600)])
+def test_a_second_in_another_attitude_at_an_end_is_motion(rows: slice) -> None:
+    """A hand lets go of the device, or a log goes on in a file that an earlier one left."""
+    still = run(cycles=1, seed=1, period=1.0).rows(slice(0, 600))
+    still = replace(still, stamp=still.stamp[0] + 100_000_000 * np.arange(600))
+    force = still.linear_acceleration.copy()
+    force[rows, 0] += 0.9
+    assert moved_spans(replace(still, linear_acceleration=force)) == [(rows.start, rows.stop)]
+    force = still.linear_acceleration.copy()
+    force[rows.start] += 9.0
+    assert not moved_spans(replace(still, linear_acceleration=force))
+
+
 def test_a_device_that_warms_up_between_bursts_rests() -> None:
     still = run(cycles=2, seed=1, period=1.0)
     warm = still.linear_acceleration + 0.06 * (still.temperature - 20.0)[:, None]

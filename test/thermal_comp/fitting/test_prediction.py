@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What lowers the error on held-out parts by more than chance is added, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.improvement import falls
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.empirical_term import Group
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.noise.estimation import fit_noise
@@ -75,6 +78,29 @@ def test_noise_alone_gets_nothing() -> None:
     runs = prepare([run('+z', seed=k, cycles=3, period=PERIOD) for k in (20, 21)])
     assert predicted(runs) == []
     assert empirical_form(runs, SENSOR, [LINE], fit_noise(runs, SENSOR)) is None
+
+
+def test_a_temperature_that_turns_no_play_leaves_nothing_of_it() -> None:
+    """Plays that never turn are a line in temperature: what is left of them is rounding."""
+    still = run('+z', seed=3, cycles=1, period=1.0).rows(slice(0, 700))
+    noise = 0.02 * np.random.default_rng(0).standard_normal(700)
+    settling = np.multiply.outer(
+        np.exp(-still.time / 120.0), WHITE['angular_velocity'] * np.array([0.0, 1e3, -3e2])
+    )
+    runs = prepare(
+        [
+            replace(
+                still,
+                temperature=47.5 + 0.15 * np.sin(still.time / 60.0) + noise,
+                angular_velocity=still.angular_velocity + settling,
+            )
+        ]
+    )
+    form = empirical_form(runs, SENSOR, [LINE], fit_noise(runs, SENSOR))
+    assert form is not None
+    widths = np.array(form.deviations).reshape(-1, 3)
+    assert widths[Group.DECAYS, 1] > 0.0
+    assert not widths[Group.BRANCHES].any()
 
 
 def test_a_set_that_is_given_is_tried_whole(die: np.ndarray) -> None:

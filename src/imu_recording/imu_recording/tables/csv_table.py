@@ -6,8 +6,10 @@ from __future__ import annotations
 import csv
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, tzinfo
+from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO, TypeVar
 
@@ -21,6 +23,10 @@ from imu_recording.user_error import did_you_mean
 ALL_ROWS = RowRange()
 MISSING_TEXTS = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
 """What a cell without a value may hold, in lower case."""
+LARGEST_GARBLED_SHARE = 0.01
+"""Of more lines that hold what is no number, the mapping or the file is wrong."""
+FIRST_LINES = 50
+"""Lines that tell how many cells the rows of a file without a header have."""
 Parsed = TypeVar('Parsed')
 _INFINITE_TEXTS = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
 
@@ -30,8 +36,10 @@ def read_table(
 ) -> tuple[FloatArray, list[str]]:
     """Return the named columns as (n, len(names)) and notes; raise BagError naming the place.
 
-    Cells without a value are NaN; lines with another number of cells are left out and counted.
-    Dates become seconds since 1970 (UTC where they name no zone, which is said).
+    Cells without a value are NaN. Lines with another number of cells, and up to one of a hundred
+    with what is no number (a serial line garbles some), are left out and counted. Under the name
+    '' stand the times of counted rows, those left out included. Dates become seconds since 1970
+    (UTC where they name no zone, which is said).
     """
     table, notes = in_its_encoding(path, lambda stream: _parse(stream, path, mapping, names, rows))
     return table, notes
@@ -65,25 +73,26 @@ def _parse(
     names: Sequence[str],
     rows: RowRange,
 ) -> tuple[FloatArray, list[str]]:
-    lines = _lines(stream, mapping)
-    first = next(lines, None)
-    if first is None:
-        raise BagError(f'{path}: the file is empty')
-    number, header = first
-    places = [_place(name, header, path, mapping) for name in names]
+    header, lines = _headed(_lines(stream, mapping), path, mapping)
+    named = [name for name in names if name]
+    places = [_place(name, header, path, mapping) for name in named]
     width = len(header)
     values: list[list[float]] = []
     left_out: list[int] = []
+    garbled: list[str] = []
     zoned = mapping.time_unit != ISO_TIME or mapping.zone is not None
-    if not mapping.header and rows.has_line(number):
-        values.append(_row(header, places, path, number, mapping, names))
-    for number, cells in lines:
+    for row, (number, cells) in enumerate(lines):
         if not rows.has_line(number):
             continue
         if len(cells) != width:
             left_out.append(number)
             continue
-        values.append(_row(cells, places, path, number, mapping, names))
+        counted = [row / mapping.row_rate] if mapping.row_rate else []
+        try:
+            values.append([*counted, *_row(cells, places, path, number, mapping, named)])
+        except BagError as error:
+            garbled.append(str(error))
+            continue
         zoned = zoned or _names_zone(cells[places[0][0]])
     notes = [] if zoned else ['the times name no zone: taken as UTC']
     if left_out:
@@ -91,7 +100,30 @@ def _parse(
             f'{len(left_out)} lines do not have {width} cells and are left out '
             f'(first: line {left_out[0]})'
         )
+    if len(garbled) > LARGEST_GARBLED_SHARE * len(values):
+        raise BagError(garbled[0])
+    if garbled:
+        first, _, _ = garbled[0].removeprefix(f'{path}, ').partition(';')
+        notes.append(f'{len(garbled)} lines are garbled and left out (first: {first})')
     return np.array(values, float).reshape(len(values), len(names)), notes
+
+
+def _headed(
+    lines: Iterator[tuple[int, list[str]]], path: Path, mapping: CsvMapping
+) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """Return the names of the columns and the lines below them.
+
+    Without a header they are numbered, as many as most of the first lines have: a log that begins
+    in the middle of a line has fewer in its first.
+    """
+    first = list(islice(lines, 1 if mapping.header else FIRST_LINES))
+    if not first:
+        raise BagError(f'{path}: the file is empty')
+    if mapping.header:
+        return [cell.strip() for cell in first[0][1]], lines
+    width = Counter(len(cells) for _, cells in first).most_common(1)[0][0]
+    names = [str(k) for k in range(width)] if width > 1 else first[0][1]
+    return names, chain(first, lines)
 
 
 def _lines(stream: Iterator[str], mapping: CsvMapping) -> Iterator[tuple[int, list[str]]]:
@@ -104,14 +136,13 @@ def _lines(stream: Iterator[str], mapping: CsvMapping) -> Iterator[tuple[int, li
         yield reader.line_num, cells
 
 
-def _place(name: str, header: list[str], path: Path, mapping: CsvMapping) -> tuple[int, float]:
+def _place(name: str, known: list[str], path: Path, mapping: CsvMapping) -> tuple[int, float]:
     """Return the column's index and its sign."""
-    known = [cell.strip() if mapping.header else str(k) for k, cell in enumerate(header)]
     for candidate, sign in ((name, 1.0), (name.removeprefix('-').strip(), -1.0)):
         if candidate in known:
             return known.index(candidate), sign
     others = [sign for sign in ';\t|,' if sign != mapping.delimiter]
-    split = next((sign for sign in others if len(header) == 1 and sign in header[0]), '')
+    split = next((sign for sign in others if len(known) == 1 and sign in known[0]), '')
     way = f'; is the delimiter {split!r}? (delimiter: {split!r} in the mapping)' if split else ''
     raise BagError(
         f'{path}: no column {name!r}{did_you_mean(name, known)}; it has {", ".join(known)}{way}'

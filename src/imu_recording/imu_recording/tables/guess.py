@@ -185,7 +185,10 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
             NAME_PREFIX + TIME_NAMES, plain
         ) and back <= LARGEST_STEPS_BACK_SHARE * len(known):
             return name
-    raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
+    raise BagError(
+        f'{path}: no column looks like the time; write a mapping (--mapping), of a file without '
+        'times with the rate of its rows (time: {rate: 100})'
+    )
 
 
 def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
@@ -209,7 +212,10 @@ def _table(path: Path) -> tuple[str, str, list[str], FloatArray, str]:
     if not ''.join(header).isprintable():
         raise BagError(f'{path}: is no text; give a CSV file or a whole PX4 or ArduPilot log')
     if len(header) < 2 or all(np.isfinite(_number(cell)) for cell in header):
-        raise BagError(f'{path}: its first line is no header; write a mapping (--mapping)')
+        raise BagError(
+            f'{path}: its first line is no header; write a mapping (--mapping) with '
+            'header: false and columns numbered from 0'
+        )
     if len(set(header)) < len(header):
         raise BagError(f'{path}: two columns have the same name; write a mapping (--mapping)')
     widths = Counter(len(row) for row in rows[1:])

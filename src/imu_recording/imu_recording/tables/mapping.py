@@ -12,7 +12,7 @@
 The log of a chamber beside that of a board has a mapping of its own, without vectors. The
 relation of clocks is given with the time: `zone: +01:00` for dates that name none, `offset:
 1712.5` (seconds that are added), `start: 2024-03-07T12:00:00+01:00` (when a clock that counts was
-zero).
+zero). Of a file without times, `time: {rate: 100}` says how many rows a second has.
 
 A value is (cell × scale + offset) in the unit given; a minus before a name turns the axis around.
 `scale` and `offset` are numbers or fractions, for a vector also one per axis. Columns are named by
@@ -163,7 +163,10 @@ class CsvMapping:
 
     columns: tuple[CsvColumn, ...]
     time_column: str
+    """'': the file has no times, its rows are counted."""
     time_unit: str
+    row_rate: float = 0.0
+    """Rows a second of a file without times [1/s]."""
     time_offset: float = 0.0
     """Added to the times of the file [s]."""
     zone: tzinfo | None = None
@@ -233,8 +236,13 @@ def mapping_from(content: Any, name: str = 'mapping', *, beside: bool = False) -
 
 def _time(entry: Any, name: str) -> dict[str, Any]:
     """Return the fields of a mapping that are about the time."""
-    if not isinstance(entry, Mapping) or 'column' not in entry:
-        raise MappingError(f'{name}: time: expected a column and its unit')
+    if not isinstance(entry, Mapping) or not {'column', 'rate'} & set(entry):
+        raise MappingError(
+            f'{name}: time: expected a column and its unit, or of a file without times '
+            'the rate of its rows (time: {rate: 100})'
+        )
+    if 'rate' in entry:
+        return _counted(entry, name)
     _refuse_unknown(entry, {'column', 'unit', 'offset', 'zone', 'start'}, f'{name}: time')
     unit = str(entry.get('unit', 's'))
     if unit not in (*TIME_UNITS, ISO_TIME):
@@ -244,13 +252,32 @@ def _time(entry: Any, name: str) -> dict[str, Any]:
         raise MappingError(f'{name}: time: zone is of dates (unit: {ISO_TIME}), not of {unit!r}')
     if 'start' in entry and unit == ISO_TIME:
         raise MappingError(f'{name}: time: start is of a clock that counts, not of dates')
-    offset = _number(entry.get('offset', 0), f'{name}: time: offset')
     return {
         'time_column': str(entry['column']),
         'time_unit': unit,
-        'time_offset': offset + (_start(entry['start'], name) if 'start' in entry else 0.0),
+        'time_offset': _time_offset(entry, name),
         'zone': _zone(entry['zone'], name) if 'zone' in entry else None,
     }
+
+
+def _counted(entry: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the fields of a mapping about the time where rows are counted."""
+    _refuse_unknown(entry, {'rate', 'offset', 'start'}, f'{name}: time')
+    rate = _number(entry['rate'], f'{name}: time: rate')
+    if rate <= 0.0:
+        raise MappingError(f'{name}: time: rate is {rate:g}, expected rows a second above 0')
+    return {
+        'time_column': '',
+        'time_unit': 's',
+        'row_rate': rate,
+        'time_offset': _time_offset(entry, name),
+    }
+
+
+def _time_offset(entry: Mapping[str, Any], name: str) -> float:
+    """Return what is added to the times of a file [s]."""
+    offset = _number(entry.get('offset', 0), f'{name}: time: offset')
+    return offset + (_start(entry['start'], name) if 'start' in entry else 0.0)
 
 
 def _start(date: Any, name: str) -> float:

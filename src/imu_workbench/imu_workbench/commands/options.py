@@ -244,10 +244,14 @@ def save_unless_worse(
 ) -> tuple[str, int]:
     """Save a model unless a simpler one is better; return the lines to show, and the exit code."""
     from thermal_comp.model.file import save_model
+    from thermal_comp.model.values import ModelError
 
     if worse and not options.force:
         return f'not saved: {"; ".join(worse)}; --force saves it', CHECK_FAILED
-    save_model(model, options.output)
+    try:
+        save_model(model, options.output)
+    except ModelError as error:  # what was found is shown all the same
+        return str(error), CHECK_FAILED
     lows, highs = zip(*(s.temperature_range for s in model.sensors.values()), strict=True)
     low, high = min(lows), max(highs)
     return f'saved {options.output}, which holds from {low:.1f} to {high:.1f} °C', 0

@@ -31,6 +31,8 @@ LEAST_MOVING_SHARE = 0.03
 """Share of seconds with motion from which a recording is of a moving device; one turn is less."""
 LEAST_MOVING_SECONDS = 3
 """Least number of such seconds."""
+LEAST_ROWS = 5
+"""Samples of a second that tell motion from a spike at the beginning or end of a recording."""
 TURN_MEANS = 5
 """Means within which what is usual steps when the device is put down in another attitude."""
 LARGEST_NORM_SHARE = 0.5
@@ -61,13 +63,16 @@ def motion_of(recording: ImuRecording) -> str:
 def moved_spans(recording: ImuRecording) -> list[Span]:
     """Return first row and stop of each short while of motion and of each lasting turn.
 
+    At its beginning and end, where a hand lets go of the device or a log was appended to, a second
+    is a while.
+
     None where the device moves for longer: then nothing shows its temperature error.
     """
     seconds = _Seconds.of(recording)
     if seconds.is_carried:
         return []
     lasts = seconds.moves.sum() >= LEAST_MOVING_SECONDS
-    places = np.flatnonzero((seconds.moves & lasts) | seconds.turns)
+    places = np.flatnonzero((seconds.moves & lasts) | seconds.turns | seconds.ends)
     if not len(places):
         return []
     whiles = np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1)
@@ -84,6 +89,8 @@ class _Seconds:
     """(m,)."""
     turns: NDArray[np.bool_]
     """(m,) those beside a change of attitude that lasts."""
+    ends: NDArray[np.bool_]
+    """(m,) those at the beginning and the end in another attitude."""
     rate: FloatArray
     """(m,) change of the angular velocity [rad/s]."""
 
@@ -98,7 +105,7 @@ class _Seconds:
         """Return those of a recording, none of one too short to show motion."""
         if len(recording) < LEAST_MOVING_SECONDS:
             none = np.zeros(0, bool)
-            return cls(np.zeros(1, np.int64), none, none, np.zeros(0))
+            return cls(np.zeros(1, np.int64), none, none, none, np.zeros(0))
         second = (recording.stamp - recording.stamp[0]) // SECOND_NS
         starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
         starts = starts.astype(np.int64)
@@ -113,7 +120,8 @@ class _Seconds:
         moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
         turns = force.turns(LEAST_FORCE_CHANGE)
         turns |= field.turns(LEAST_FIELD_CHANGE) & maximum_filter1d(is_turning, TURN_MEANS)
-        return cls(starts, moves, turns, rate)
+        ends = force.ends(recording.linear_acceleration, starts)
+        return cls(starts, moves, turns, ends, rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +171,19 @@ class _Means:
         found &= np.abs(norms[1] - norms[0]) < LARGEST_NORM_SHARE * step
         turns[known[TURN_MEANS // 2 : -TURN_MEANS + TURN_MEANS // 2][found]] = True
         return turns
+
+    def ends(self, values: FloatArray, starts: IntArray) -> NDArray[np.bool_]:
+        """Return the (m,) means before the first and after the last that is near what is usual.
+
+        So are most of their samples `values` (n, 3), of which there are some: a spike is none.
+        """
+        far = (self.distance > LEAST_FORCE_CHANGE * self.norm) & (np.diff(starts) >= LEAST_ROWS)
+        ends = np.logical_and.accumulate(far) | np.logical_and.accumulate(far[::-1])[::-1]
+        for place in np.flatnonzero(ends):
+            rows = values[starts[place] : starts[place + 1]]
+            apart = np.linalg.norm(rows - self.usual[place], axis=1)
+            ends[place] = np.mean(apart > LEAST_FORCE_CHANGE * self.norm) > 0.5
+        return ends
 
 
 def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], list[str]]:

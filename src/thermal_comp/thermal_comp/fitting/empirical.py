@@ -103,11 +103,14 @@ def _likeliest_widths(sums: PartSums, part: int, own: IntArray, count: int) -> F
     for axis in range(3):
         left = taken_out(training[axis], sums.known)[0]
         # A column that those before it explain leaves but rounding, which is no direction.
-        left[own, own] += ROUNDING * np.diag(training[axis])[own]
-        powers = np.array(
-            [np.diag(left)[own[g == COLUMN_GROUPS]].sum() for g in range(GROUP_COUNT)]
+        rounding = ROUNDING * np.diag(training[axis])[own]
+        left[own, own] += rounding
+        power, least = (
+            np.array([column[g == COLUMN_GROUPS].sum() for g in range(GROUP_COUNT)])
+            for column in (np.diag(left)[own], 10.0 * rounding)
         )
-        unit = np.sqrt(rows / np.maximum(powers, 1e-300))
+        # Nor is a group that nothing is left of, or that never moved.
+        unit = np.sqrt(rows / np.where(power > least, power, np.inf))
         everywhere = [_climbed(left, own, unit, rows, (start,) * count) for start in (0, 2)]
         levels = max(everywhere, key=lambda found: found[1])[0]
         found[:count, axis] = np.array([WIDTH_LEVELS[k] for k in levels]) * unit[:count]

@@ -214,7 +214,9 @@ def _sensor(
         coefficients.append(_coefficients(item['coefficients'], effect, sensor))
     covariance = _covariance(entry['covariance'], sum(c.size for c in coefficients))
     low, high = _range(entry['temperature_range'])
-    conditions = typical_conditions(low, high, reference_temperature, sensor)
+    # Fitted far from the reference, a line is large there: what the levels hold is no error.
+    reference = min(max(reference_temperature, low), high)
+    conditions = typical_conditions(low, high, reference, sensor)
     terms = list(zip(found, coefficients, _blocks(covariance, coefficients), strict=True))
     for number, field, reason in impossible_terms(terms, conditions):
         owner = entry if field == 'covariance' else entry['effects'].items()[number]
