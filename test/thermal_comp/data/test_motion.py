@@ -112,6 +112,13 @@ def test_a_second_in_another_attitude_at_an_end_is_motion(rows: slice) -> None:
     assert not moved_spans(replace(still, linear_acceleration=force))
 
 
+def test_noise_as_loud_as_a_tilt_moves_no_device() -> None:
+    """A tiltmeter that reads once a second, to 18 mg: now and then two of its samples are far."""
+    still = run(cycles=2, seed=1, period=1.0)
+    noise = 0.18 * np.random.default_rng(8).standard_normal((len(still), 3))
+    assert not moved_spans(replace(still, linear_acceleration=still.linear_acceleration + noise))
+
+
 def test_a_device_that_warms_up_between_bursts_rests() -> None:
     still = run(cycles=2, seed=1, period=1.0)
     warm = still.linear_acceleration + 0.06 * (still.temperature - 20.0)[:, None]

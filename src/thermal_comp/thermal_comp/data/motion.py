@@ -31,6 +31,9 @@ LEAST_MOVING_SHARE = 0.03
 """Share of seconds with motion from which a recording is of a moving device; one turn is less."""
 LEAST_MOVING_SECONDS = 3
 """Least number of such seconds."""
+LEAST_NOISE_RATIO = 4.0
+"""Distance from what is usual over its median that noise does not reach: of vectors of normal
+noise one in 10⁷ does."""
 LEAST_ROWS = 5
 """Samples of a second that tell motion from a spike at the beginning or end of a recording."""
 TURN_MEANS = 5
@@ -71,8 +74,9 @@ def moved_spans(recording: ImuRecording) -> list[Span]:
     seconds = _Seconds.of(recording)
     if seconds.is_carried:
         return []
-    lasts = seconds.moves.sum() >= LEAST_MOVING_SECONDS
-    places = np.flatnonzero((seconds.moves & lasts) | seconds.turns | seconds.ends)
+    moves = seconds.moves & seconds.beyond_noise
+    lasts = moves.sum() >= LEAST_MOVING_SECONDS
+    places = np.flatnonzero((moves & lasts) | seconds.turns | seconds.ends)
     if not len(places):
         return []
     whiles = np.split(places, np.flatnonzero(np.diff(places) > MEDIAN_WINDOW_S) + 1)
@@ -87,6 +91,8 @@ class _Seconds:
     """(m + 1,) first row of each, and the number of rows."""
     moves: NDArray[np.bool_]
     """(m,)."""
+    beyond_noise: NDArray[np.bool_]
+    """(m,) whether they are further from what is usual than noise takes them."""
     turns: NDArray[np.bool_]
     """(m,) those beside a change of attitude that lasts."""
     ends: NDArray[np.bool_]
@@ -105,7 +111,7 @@ class _Seconds:
         """Return those of a recording, none of one too short to show motion."""
         if len(recording) < LEAST_MOVING_SECONDS:
             none = np.zeros(0, bool)
-            return cls(np.zeros(1, np.int64), none, none, none, np.zeros(0))
+            return cls(np.zeros(1, np.int64), none, none, none, none, np.zeros(0))
         second = (recording.stamp - recording.stamp[0]) // SECOND_NS
         starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second))
         starts = starts.astype(np.int64)
@@ -121,7 +127,13 @@ class _Seconds:
         turns = force.turns(LEAST_FORCE_CHANGE)
         turns |= field.turns(LEAST_FIELD_CHANGE) & maximum_filter1d(is_turning, TURN_MEANS)
         ends = force.ends(recording.linear_acceleration, starts)
-        return cls(starts, moves, turns, ends, rate)
+        beyond = np.logical_or(
+            *(
+                means.distance > LEAST_NOISE_RATIO * np.median(means.distance)
+                for means in (force, field)
+            )
+        )
+        return cls(starts, moves, beyond, turns, ends, rate)
 
 
 @dataclass(frozen=True, eq=False)

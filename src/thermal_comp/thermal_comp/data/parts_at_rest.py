@@ -79,7 +79,8 @@ def parts_at_rest(recording: ImuRecording) -> PartsAtRest:
         parts = [part for part in parts if part not in foreign]
     if len(parts) > 1:
         text += f'; the {len(parts)} parts are runs of their own'
-        parts[0] = parts[0].with_notes(text)
+        others = [replace(part, notes=()) for part in parts[1:]]  # the first has the notes
+        parts = [parts[0].with_notes(text), *others]
     return PartsAtRest(parts, len(recording) - sum(map(_rows_measured, parts)), turned, text)
 
 
