@@ -77,6 +77,19 @@ def test_one_that_stands_still_while_the_chamber_ramps_is_found_to_the_row() -> 
     assert fault.rows.sum() <= 403
 
 
+@pytest.mark.parametrize(('over', 'settling', 'lag'), [(3.0, 900.0, 400.0), (4.0, 300.0, 200.0)])
+def test_a_coarse_thermometer_holds_a_count_while_its_die_turns(
+    over: float, settling: float, lag: float
+) -> None:
+    """After a ramp the air overshoots: fast dies go back with it, slow ones still come."""
+    time = np.arange(0.0, 9000.0, 2.0)
+    ramp = np.clip((time - 1000.0) / 900.0, 0.0, 1.0)
+    air = 20.0 + ramp * (30.0 + over * np.exp(-np.maximum(time - 1900.0, 0.0) / settling))
+    sound = recording(time, following(air, 2.0, lag), air)
+    counts = 0.5 * np.round(sound.temperature / 0.5)
+    assert faults(ImuRecording(**{**vars(sound), 'temperature': counts})) == []
+
+
 def test_a_fast_die_reads_the_same_in_two_bursts_and_is_in_order() -> None:
     bursts = [start + np.arange(0.0, 20.0, 0.1) for start in (0.0, 3600.0, 7200.0)]
     time = np.concatenate(bursts)

@@ -11,17 +11,17 @@ from the spectrum by Whittle's likelihood.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
-from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
-from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 
 from thermal_comp.data.adaptive_spline import adaptive_spline
+from thermal_comp.data.coarse_thermometer import coarse_course
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.gaps import ends_of_long_gaps
 
@@ -38,21 +38,10 @@ ROWS_BETWEEN_BURSTS = 5
 MOST_ERRORS = 12
 """Gaps between bursts in which the temperature is taken to be unknown: a chamber's course has a
 corner or two at each end of a ramp, and is well known between them."""
+MOST_ERRORS_OF_COUNTS = 24
+"""Directions in which a temperature between counts is taken to be unknown."""
 MARGIN_WIDTHS = 8.0
 """Length of the mirror image at either end, in widths: what lies beyond changes nothing."""
-LONGEST_TURN = 6.0
-"""Time a reading is held at a turn, over that before or after, up to which a parabola turns there:
-one whose top just reaches the next count has 5; what is held for longer is a dwell."""
-LARGEST_STEP = 1.5
-"""Size of a step, in counts, below which it is one count."""
-MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
-"""Rows between two readings that are written into every row, at most, and share of the changes
-that come after whole numbers of them."""
-LEAST_TURN_ROWS = 10
-"""Rows a reading is held, at least, at each of several turns in a row: noise turns faster."""
-LEAST_STAIRS = 0.5
-"""Share of rows between the steps of a coarse thermometer, from which rounding is its noise: that
-is not white, so that it tells no stiffness of single places."""
 LONG_GAP_STEPS = 20.0
 """Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
@@ -93,16 +82,45 @@ def smoothed_temperature(
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
         return temperature
     smoothed = temperature.copy()
-    for rows in pieces:
-        smoothed[rows] = _between_steps(temperature[rows])
     every = max(round(interval / step), 1)
-    width = _width(smoothed[longest][::every], every * step)
+    width = _width(temperature[longest][::every], every * step)
     for rows in pieces:
-        if len(rows) >= LEAST_ROWS:
-            stairs = float(np.mean(smoothed[rows] != temperature[rows])) > LEAST_STAIRS
-            adapted = None if stairs else adaptive_spline(smoothed[rows], width / step, every)
-            smoothed[rows] = _spline(smoothed[rows], width / step) if adapted is None else adapted
+        values = temperature[rows]
+        if len(rows) < LEAST_ROWS:
+            continue
+        coarse = coarse_course(values[::every])
+        if coarse is not None:
+            smoothed[rows] = coarse.at(np.arange(len(rows)) / every)
+            continue
+        adapted = adaptive_spline(values, width / step, every)
+        smoothed[rows] = _spline(values, width / step) if adapted is None else adapted
     return smoothed
+
+
+def errors_between_counts(conditions: Conditions) -> FloatArray:
+    """Return (n, e) what a coarse thermometer leaves unknown, one deviation each [K].
+
+    (n, 0) of a fine one. Kept as long as the conditions are.
+    """
+    if conditions not in _BETWEEN_COUNTS:
+        time, measured = conditions.time, conditions.temperature
+        pieces, step = _pieces(time)
+        every = max(round(conditions.temperature_interval / step), 1)
+        errors = [np.zeros((len(time), 0))]
+        for rows in pieces:
+            coarse = coarse_course(measured[rows][::every])
+            if coarse is not None:
+                own = np.zeros((len(time), MOST_ERRORS_OF_COUNTS))
+                found = coarse.errors(np.arange(len(rows)) / every, MOST_ERRORS_OF_COUNTS)
+                own[rows, : found.shape[1]] = found
+                errors.append(own)
+        every_one = np.concatenate(errors, axis=1)
+        largest = np.argsort(-(every_one**2).sum(axis=0), kind='stable')
+        _BETWEEN_COUNTS[conditions] = every_one[:, largest[:MOST_ERRORS_OF_COUNTS]]
+    return _BETWEEN_COUNTS[conditions]
+
+
+_BETWEEN_COUNTS: WeakKeyDictionary[Conditions, FloatArray] = WeakKeyDictionary()
 
 
 def _pieces(time: FloatArray) -> tuple[list[IntArray], float]:
@@ -186,127 +204,6 @@ def _missed_bursts(conditions: Conditions, bursts: Sequence[IntArray]) -> FloatA
         missed[left_out] = np.abs(curve - mean[left_out])
     missed[[0, -1]] = missed[[1, -2]]
     return missed
-
-
-@dataclass(frozen=True, eq=False)
-class _Steps:
-    """Readings that are held for several rows, and the steps between them."""
-
-    first: IntArray
-    """(h,) first row of each reading that is held …"""
-    last: IntArray
-    """(h,) … and last one."""
-    at: FloatArray
-    """(h − 1,) place of the steps between them [rows]."""
-    low: FloatArray
-    """(h − 1,) reading before each step …"""
-    high: FloatArray
-    """(h − 1,) … and after it."""
-    adjacent: NDArray[np.bool_]
-    """(h − 1,) whether the readings meet in one row and are one count apart."""
-
-    @classmethod
-    def of(cls, values: FloatArray) -> _Steps:
-        """Return those of readings (n,); a row that is a mean over a step says where it is."""
-        last = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)
-        first = np.append(0, last[:-1] + 1)
-        held = (last > first) & (not _is_read_seldom(last[:-1]))
-        between = np.diff(np.flatnonzero(held)) - 1
-        first, last = first[held], last[held]
-        low, high = values[first[:-1]], values[first[1:]]
-        row = values[np.minimum(last[:-1] + 1, len(values) - 1)]
-        share = np.clip((high - row) / np.where(high == low, 1.0, high - low), 0.0, 1.0)
-        step, adjacent = np.abs(high - low), between <= 1
-        count = step[adjacent & (step > 0.0)].min(initial=np.inf)
-        # A reading that is held while several counts go by was not read in between.
-        adjacent &= step < LARGEST_STEP * count
-        at = last[:-1] + 0.5 + np.where(adjacent, between * share, 0.5 * between)
-        return cls(first, last, at, low, high, adjacent)
-
-    @property
-    def _onward(self) -> FloatArray:
-        """(h + 2,) > 0 between steps of one direction, < 0 at a turn; 0 elsewhere and outside."""
-        way = np.where(self.adjacent, np.sign(self.high - self.low), 0.0)
-        return np.pad(way[1:] * way[:-1], 2)
-
-    @property
-    def onward(self) -> NDArray[np.bool_]:
-        """(h,) whether a reading is held between steps of one direction."""
-        found: NDArray[np.bool_] = self._onward[1:-1] > 0.0
-        return found
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        """(h,) whether the steps around tell the course while a reading is held.
-
-        They do between steps of one direction, and around a turn.
-        """
-        before, here, after = self._onward[:-2], self._onward[1:-1], self._onward[2:]
-        length = np.diff(self.at, prepend=-np.inf, append=np.inf)
-        beside = np.pad(length[:-1], (1, 0)), np.pad(length[1:], (0, 1))
-        slow = np.minimum(length, np.minimum(*beside)) >= LEAST_TURN_ROWS
-        turn = (here < 0.0) & (((before > 0.0) & (after > 0.0)) | slow)
-        return self.onward | (turn & (length < LONGEST_TURN * np.maximum(*beside)))
-
-    @property
-    def size(self) -> FloatArray:
-        """(h,) size of the larger step beside each reading [K]; 0 where none is adjacent."""
-        steps = np.where(self.adjacent, np.abs(self.high - self.low), 0.0)
-        return np.maximum(np.pad(steps, (1, 0)), np.pad(steps, (0, 1)))
-
-
-def _is_read_seldom(changes: IntArray) -> bool:
-    """Tell whether a reading changes every so many rows only: it was not read in between.
-
-    `held_temperature` of a recording finds the time of each measurement, from three rows a
-    measurement on; a step that is late by one row of two is no place of a spline either.
-    """
-    apart, counts = np.unique(np.diff(changes), return_counts=True)
-    if not len(apart):
-        return False
-    periods = np.arange(2, MOST_ROWS_A_READING + 1)
-    on_time = (apart % periods[:, None] == 0) @ counts
-    return bool(on_time.max() > ON_TIME_SHARE * counts.sum())
-
-
-def _between_steps(values: FloatArray) -> FloatArray:
-    """Return (n,) values with a smooth course in place of the steps of a coarse thermometer.
-
-    Where a reading goes from one count to the next, the temperature is half-way between them: a
-    cubic spline through these instants takes the place of readings that are held. Where steps go
-    back and forth, noise and the mean of the counts tell what is between; in a dwell nothing does.
-    """
-    steps = _Steps.of(values)
-    course = values.copy()
-    if not len(steps.at):
-        return course
-    half = 0.5 * steps.size
-    for known in np.split(np.arange(len(steps.at)), np.flatnonzero(~steps.known[1:-1]) + 1):
-        if len(known) > 1:
-            at = steps.at[known]
-            rows = np.arange(int(np.ceil(at[0])), int(np.floor(at[-1])) + 1)
-            middle = CubicSpline(at, 0.5 * (steps.low[known] + steps.high[known]))(rows)
-            held = known[0] + 1 + np.clip(np.searchsorted(at, rows) - 1, 0, len(at) - 2)
-            level = steps.high[held - 1]
-            course[rows] = np.clip(middle, level - half[held], level + half[held])
-    return course
-
-
-def held_readings(conditions: Conditions, longest: float, count: int) -> list[tuple[slice, float]]:
-    """Return where a coarse thermometer says little, and its step there [K].
-
-    They are the first and the last reading that is held, beyond which nothing is known, and
-    `count` of more than `longest` seconds: those at turns, then the longest, as the steps around
-    tell the temperature's course the better the closer they are.
-    """
-    steps = _Steps.of(conditions.temperature)
-    length = conditions.time[steps.last] - conditions.time[steps.first]
-    if len(length):
-        length[[0, -1]] = np.inf
-    found = np.flatnonzero((steps.size > 0.0) & (length > longest))
-    order = np.lexsort([-length[found], steps.onward[found] & np.isfinite(length[found])])
-    places = found[order][: count + 2]
-    return [(slice(steps.first[k], steps.last[k] + 1), float(steps.size[k])) for k in places]
 
 
 def _spline(values: FloatArray, width: float) -> FloatArray:

@@ -34,10 +34,12 @@ THERMOMETERS_NEAREST_FIRST = sorted(
 """Other thermometers, that at the device before those in the chamber's air."""
 MISSING_SHARE = 0.005
 """Share of rows without a temperature from which that is a fault."""
-SLOWEST_DIE_S = 1800.0
-"""Longest time constant of a die behind the temperature around it [s]."""
+POSSIBLE_DIES_S = (1e-3, 30.0, 90.0, 240.0, 500.0, 950.0, 1800.0)
+"""Time constants that a die may have behind the temperature around it [s]."""
+MOST_DIE_ROWS = 50_000
+"""Rows in which they are followed; a die moves slowly."""
 LEAST_DIE_CHANGE_K = 1.0
-"""Change of the fastest and of the slowest possible die during which a thermometer that stands
+"""Change of every possible die, beyond the counts of the thermometer, during which one that stands
 still has failed [K]."""
 COPIED_SHARE = 0.9
 """Share of values equal, bit for bit, to another sensor's from which they are copied from it."""
@@ -107,8 +109,9 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
-        if recording.time[-1] >= LONGEST_CONSTANT_S or _would_move(
-            _possible_dies(recording), every
+        span = recording.time[[0, -1]]
+        if span[1] >= LONGEST_CONSTANT_S or _would_move(
+            _possible_dies(recording), span, LEAST_DIE_CHANGE_K
         ):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, text)
@@ -154,30 +157,44 @@ def stuck_temperature(recording: ImuRecording) -> BoolArray:
     stuck = np.zeros(len(values), dtype=bool)
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
     long = np.flatnonzero(np.diff(edges) >= FEWEST_MEASUREMENTS)
-    dies = _possible_dies(recording) if len(long) else []
-    for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
-        if _would_move(dies, slice(start, stop)):
-            stuck[start:stop] = True
+    if len(long):
+        dies, least = _possible_dies(recording), LEAST_DIE_CHANGE_K + _count(values)
+        for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
+            stuck[start:stop] = _would_move(dies, recording.time[[start, stop - 1]], least)
     return stuck & np.isfinite(values)
 
 
-def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
-    """Return (n, 2) temperature of the fastest and the slowest die at each other thermometer.
+def _count(values: FloatArray) -> float:
+    """Return the least change of a thermometer [K]."""
+    changes = np.abs(np.diff(values[np.isfinite(values)]))
+    return float(changes.min(where=changes > 0.0, initial=1.0))
 
-    Between two bursts the fastest may have come back to where it was, the slowest not.
+
+def _possible_dies(recording: ImuRecording) -> list[tuple[FloatArray, FloatArray]]:
+    """Return times (m,) and temperatures (m, d) of possible dies at each other thermometer.
+
+    Between two bursts a fast one may have come back to where it was, a slow one not; at the end of
+    a ramp one of them turns.
     """
     made = []
     for track in (getattr(recording, name) for name in THERMOMETER_FIELDS):
         if track is not None and (known := np.isfinite(track)).any():
-            around = np.interp(recording.time, recording.time[known], track[known])
-            slowest = follow(recording.time, around, SLOWEST_DIE_S, held=True)[0]
-            made.append(np.stack([around, slowest], axis=1))
+            time = recording.time[:: max(1, len(recording) // MOST_DIE_ROWS)]
+            around = np.interp(time, recording.time[known], track[known])
+            dies = [follow(time, around, lag, held=True)[0] for lag in POSSIBLE_DIES_S]
+            made.append((time, np.stack(dies, axis=1)))
     return made
 
 
-def _would_move(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
-    """Tell whether both dies at some thermometer would move within the rows."""
-    return any(bool((np.ptp(die[rows], axis=0) > LEAST_DIE_CHANGE_K).all()) for die in dies)
+def _would_move(dies: list[tuple[FloatArray, FloatArray]], span: FloatArray, least: float) -> bool:
+    """Tell whether all dies at some thermometer would move by more than that from a to b [s]."""
+    for time, temperature in dies:
+        within = temperature[
+            slice(*np.searchsorted(time, [span[0], np.nextafter(span[1], np.inf)]))
+        ]
+        if len(within) and bool((np.ptp(within, axis=0) > least).all()):
+            return True
+    return False
 
 
 def copied_from(recording: ImuRecording) -> str:

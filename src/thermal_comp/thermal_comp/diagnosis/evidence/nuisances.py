@@ -17,7 +17,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.data.smoothing import held_readings
+from thermal_comp.data.smoothing import errors_between_counts
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.rounding_errors import rounding_errors
 from thermal_comp.diagnosis.evidence.temperature_course import (
@@ -38,10 +38,6 @@ With time constants from a share s of a run of length T on, slow noise has a ban
 which 2 T / (2π s T) = 1/(π s) ≈ 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
 fifths of what such noise has beyond its corner lie below twice the band: 24. The variance of slow
 noise is estimated from them alone in a single run, from all runs in several."""
-LEAST_HELD_BLOCKS, MOST_HELD = 3.0, 6
-"""Blocks for which a reading is held, at least, and number of such stretches of a run."""
-HELD_TERMS = 3
-"""Coefficients of a stretch."""
 FREE_DEVIATION = 1e5
 """Deviation of a coefficient that may have any value, of a column of unit length."""
 COVARIANCE_INSTANTS = 160
@@ -74,22 +70,13 @@ def nuisance_priors(
 
 
 def _between_counts(design: CandidateDesign, response: Response | None) -> list[CoefficientPrior]:
-    """Return what a coarse thermometer does not say while it holds a reading; [] for a fine one.
-
-    A level, a line and a parabola, each as large as the error of rounding, q/√12.
-    """
+    """Return what a coarse thermometer does not say between its counts; [] for a fine one."""
     response = response or TemperatureSlope.of(design).response
     runs = design.source.runs
 
     def errors(run: PreparedRun) -> FloatArray:
-        conditions = run.conditions
-        held = held_readings(conditions, LEAST_HELD_BLOCKS * run.period, MOST_HELD)
-        columns = np.zeros((len(conditions.time), HELD_TERMS * len(held)))
-        for k, (rows, step) in enumerate(held):
-            share = np.linspace(-1.0, 1.0, rows.stop - rows.start)
-            terms = np.polynomial.legendre.legvander(share, HELD_TERMS - 1)
-            columns[rows, HELD_TERMS * k : HELD_TERMS * (k + 1)] = step / np.sqrt(12.0) * terms
-        return response(run, columns) if held else np.zeros((len(run), 3, 0))
+        between = errors_between_counts(run.conditions)
+        return response(run, between) if between.size else np.zeros((len(run), 3, 0))
 
     term = design.generic_terms([(errors, True)], runs=runs)[0]
     if not term.columns:
