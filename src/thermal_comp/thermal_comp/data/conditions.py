@@ -18,8 +18,6 @@ from imu_recording.recording import (
 )
 from numpy.typing import NDArray
 
-from thermal_comp.linear.columns import LEAST_NEW_LENGTH
-
 Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
 SENSORS: tuple[Sensor, ...] = get_args(Sensor)
 INERTIAL_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
@@ -32,11 +30,6 @@ REFERENCE_TEMPERATURE = 20.0
 
 EARTH_RATE_RAD_S = 7.292115e-5
 """Rotation of the Earth [rad/s] (WGS 84)."""
-LEAST_FIELD_T = 1e-5
-"""Least field that is Earth's [T]: 22 to 67 µT outside, less in a chamber of steel."""
-LARGEST_MISFIT_SHARE = 0.2
-"""Rms that one field and one offset may leave, as a share of the field: fixtures turn by right
-angles to some degrees, and iron near by bends the field by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,27 +227,3 @@ def mounting_rotation(up_axis: str) -> FloatArray:
         half_turn[(axis + 1) % 3] = 1.0
         rotation = half_turn[:, None] * rotation
     return rotation
-
-
-def hard_iron_of(runs: Sequence[Conditions]) -> FloatArray | None:
-    """Return the magnetometer's (3,) constant offset [T], None where orientations do not tell it.
-
-    The mean reading of run r is R_r B + b with one field B of the chamber and one offset b of the
-    device, R_r the rotation from the chamber's frame into the sensor's. Two orientations leave
-    open how much along the axis of the turn between them is field, and so do the paper's three,
-    which turn about one axis: the answer of least norm takes half of it for field.
-    """
-    rotations = [run.orientation for run in runs if run.orientation is not None]
-    if not rotations or len(rotations) < len(runs):
-        return None
-    design = np.concatenate([np.hstack([rotation, np.eye(3)]) for rotation in rotations])
-    target = np.concatenate([run.magnetic_field[0] for run in runs])
-    if not np.isfinite(target).all():
-        return None
-    answer, _, rank, _ = np.linalg.lstsq(design, target, rcond=LEAST_NEW_LENGTH)
-    misfit = float(np.sqrt(np.mean((target - design @ answer) ** 2)))
-    field = float(np.linalg.norm(answer[:3]))
-    told = rank >= design.shape[1] - 1 and field > LEAST_FIELD_T
-    if not told or misfit > LARGEST_MISFIT_SHARE * field:
-        return None
-    return np.asarray(answer[3:])

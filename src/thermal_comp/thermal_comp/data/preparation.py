@@ -21,7 +21,6 @@ from thermal_comp.data.blocks import block_length, in_blocks, in_common_blocks
 from thermal_comp.data.conditions import (
     SENSORS,
     Conditions,
-    hard_iron_of,
     mounting_rotation,
     static_conditions,
 )
@@ -35,6 +34,7 @@ from thermal_comp.data.fine_rows import (
     without_cycle_ends,
 )
 from thermal_comp.data.gaps import ends_of_long_gaps
+from thermal_comp.data.headings import hard_iron_of, turned_orientations
 from thermal_comp.data.parts_at_rest import all_parts_at_rest
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import without_damage
@@ -43,6 +43,11 @@ from thermal_comp.data.startup import cut_startup
 
 Truth = Callable[[ImuRecording], Conditions]
 """How the true inputs of a run follow from its recording."""
+
+HEADINGS_FOUND = (
+    'the mean magnetic fields say how the device was turned about the vertical from run to run: '
+    'by right angles other than those of the usual fixture'
+)
 
 
 def prepare(
@@ -74,8 +79,15 @@ def prepare(
 def as_campaign(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
     """Return runs of one device in one field, with what only all of them together tell.
 
-    That is the time since the first of them began, and the hard iron.
+    That is the time since the first of them began, the headings and the hard iron.
     """
+    turned = turned_orientations([run.conditions for run in runs])
+    if turned is not None:
+        runs = [
+            replace(run, conditions=replace(run.conditions, orientation=orientation))
+            for run, orientation in zip(runs, turned, strict=True)
+        ]
+        runs[0] = replace(runs[0], notes=(*runs[0].notes, HEADINGS_FOUND))
     offset = hard_iron_of([run.conditions for run in runs])
     first = min((run.origin for run in runs), default=0)
     return [

@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs in several orientations tell the magnetometer's offset from the field."""
+"""Runs in several orientations tell the magnetometer's offset from the field, and headings."""
 
 import numpy as np
 import pytest
-from thermal_comp.data.conditions import Conditions, hard_iron_of, mounting_rotation
+from thermal_comp.data.conditions import Conditions, mounting_rotation
+from thermal_comp.data.headings import QUARTER_TURN, hard_iron_of, turned_orientations
 from thermal_comp.effects import EFFECTS
 
 FIELD, OFFSET = np.array([2.1e-5, -0.4e-5, -4.3e-5]), np.array([1.5e-5, -2.2e-5, 0.7e-5])
 
 
-def run(up: str, *, bent: float = 0.0) -> Conditions:
+def run(up: str, *, bent: float = 0.0, turns: int = 0, tilt: float = 0.0) -> Conditions:
+    """A run whose fixture was turned by so many right angles, and is tilted at random."""
     rotation = mounting_rotation(up)
-    reading = rotation @ FIELD + OFFSET + bent * np.array([1.0, 0.0, 0.0])
+    lean = tilt * np.random.default_rng(ord(up[1])).standard_normal(3)
+    field = FIELD + np.cross(lean, FIELD)
+    reading = (
+        rotation @ np.linalg.matrix_power(QUARTER_TURN, turns) @ field
+        + OFFSET
+        + bent * np.array([1.0, 0.0, 0.0])
+    )
     still = np.zeros((50, 3))
     temperature = np.linspace(-10.0, 50.0, 50)
     return Conditions(
@@ -70,3 +78,26 @@ def test_a_channel_was_logged_where_any_sample_is_finite(readings: list[float], 
     logged = Conditions(at, at, none, none, none, humidity=np.array(readings))
     assert logged.has('humidity') is known
     assert not logged.has('setpoint')
+
+
+@pytest.mark.parametrize('turns', [(0, 1, 0), (0, 2, 3), (0, 0, 1), (0, 3, 3)])
+def test_right_angles_about_the_vertical_are_found(turns: tuple[int, ...]) -> None:
+    runs = [run(up, turns=n, tilt=0.02) for up, n in zip(('+x', '+y', '+z'), turns, strict=True)]
+    found = turned_orientations(runs)
+    assert found is not None
+    for one, up, n in zip(found, ('+x', '+y', '+z'), turns, strict=True):
+        expected = mounting_rotation(up) @ np.linalg.matrix_power(QUARTER_TURN, n)
+        np.testing.assert_allclose(one, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    'runs',
+    [
+        [run(up, tilt=0.02) for up in ('+x', '+y', '+z')],
+        [run('+x'), run('+y', turns=1)],
+        [run('+x'), run('+y', bent=9e-5), run('+z', bent=-9e-5)],
+    ],
+    ids=['the usual fixture', 'two runs', 'no one field'],
+)
+def test_else_they_are_those_of_the_fixture(runs: list[Conditions]) -> None:
+    assert turned_orientations(runs) is None
