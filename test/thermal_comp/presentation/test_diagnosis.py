@@ -61,7 +61,7 @@ def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
         (
             Finding('unlogged', None, 'magnetometer', 99.0, depends_on='chamber'),
             'depends on chamber (magnetometer)',
-            'log what switches near the device (chamber/heater, chamber/compressor)',
+            'a motor or a lamp (in a chamber chamber/heater, chamber/compressor)',
         ),
         (
             Finding('unlogged', None, 'magnetometer', 99.0, depends_on='supply'),
@@ -81,6 +81,30 @@ def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
     lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
     assert lines[0].endswith(summary)
     assert next_step in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ('value', 'std', 'said'),
+    [
+        (1975.0, 15420.0, 't = 1975 ± 1.542e+04 s (not told by these recordings)'),
+        ((1.9, 3.0), (4.0, 0.1), 't = (1.9, 3) ± (4, 0.1) s (± one standard deviation)'),
+        (0.0, None, 't = 0 s'),
+    ],
+)
+def test_what_the_recordings_do_not_tell_is_not_said_as_if_they_did(
+    value: object, std: object, said: str
+) -> None:
+    finding = Finding(
+        'effect',
+        'icing',
+        'gyroscope',
+        20.0,
+        parameters={'t': {'value': value, 'std': std, 'unit': 's'}},
+        rivals=({'name': 'humidity', 'probability': 0.3}, {'name': 'warm_up', 'probability': 0.3}),
+    )
+    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
+    assert f'    {said}' in lines
+    assert '    in its place, alone or together: humidity 30 %, warm_up 30 %' in lines
 
 
 def test_a_sensor_that_was_not_judged_is_not_said_to_lack_nothing() -> None:

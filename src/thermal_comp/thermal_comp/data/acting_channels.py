@@ -88,4 +88,6 @@ def topics_to_log(variable: str | None, catalogue: Mapping[str, type[Effect]]) -
 def what_to_log(variable: str | None, catalogue: Mapping[str, type[Effect]]) -> str:
     """Return what to log where a variable was missing; not every device is in a chamber."""
     topics = ', '.join(topics_to_log(variable, catalogue))
-    return f'what switches near the device ({topics})' if variable == 'chamber' else topics
+    if variable != 'chamber':
+        return topics
+    return f'what switches near the device, a motor or a lamp (in a chamber {topics})'

@@ -250,13 +250,26 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
         spread = '' if value['std'] is None else f' ± {_number(value["std"])}'
         unit = value['unit'].removeprefix(COUNT_UNIT)
         width = ' (± one standard deviation)' if spread else ''
+        if _is_unknown(value):
+            width = ' (not told by these recordings)'
         lines.append(f'    {name} = {_number(value["value"])}{spread} {unit}'.rstrip() + width)
     if finding['rivals']:
         rivals = ', '.join(
             f'{r["name"]} {percent(r["probability"])}' for r in finding['rivals'][:3]
         )
-        lines.append(f'    in its place: {rivals}')
+        together = ', alone or together' * (len(finding['rivals']) > 1)
+        lines.append(f'    in its place{together}: {rivals}')
     return lines
+
+
+def _is_unknown(value: Mapping[str, Any]) -> bool:
+    """Tell whether a parameter may be any: its standard deviation is as large as itself."""
+    values, deviations = (
+        list(each) if isinstance(each, list | tuple) else [each]
+        for each in (value['value'], value['std'])
+    )
+    known = None in deviations or len(values) != len(deviations)
+    return not known and all(d >= abs(v) for v, d in zip(values, deviations, strict=True))
 
 
 def _number(value: Any) -> str:
