@@ -43,7 +43,8 @@ SCALAR_NAMES = {
     'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
     'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
     'chamber_temperature_2': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?_?2',
-    'device_temperature': r'(board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?',
+    'device_temperature': r'(((board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?)'
+    r'|(device_?t(emp(erature)?)?))',
     'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(eratur(e)?)?)(_?(die|imu|chip))?',
     'humidity': r'(rh|hum(idity)?|relative_?humidity)',
     'pressure': r'(air_?|baro(meter)?_?)?press(ure)?',
