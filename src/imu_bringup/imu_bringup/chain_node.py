@@ -136,6 +136,12 @@ class ImuChainNode(ConfiguredNode):
             if stage.state == INACTIVE:
                 stage.trigger_cleanup()
 
+    def end(self) -> None:
+        """End the stages, too, whether or not this node is active."""
+        super().end()
+        for stage in self.hosted:
+            stage.end()
+
     def destroy_node(self) -> None:
         """Destroy the stages, too; first to last, so that nothing is sent to one that is gone."""
         for stage in self.hosted:

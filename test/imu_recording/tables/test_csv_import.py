@@ -157,6 +157,14 @@ def test_a_serial_log_without_header_and_times(tmp_path: Path) -> None:
     )
 
 
+def test_a_column_without_a_name_is_a_column(tmp_path: Path) -> None:
+    """As pandas writes its index."""
+    columns = {'linear_acceleration': {'columns': ['x', 'y', 'z'], 'unit': 'g'}}
+    mapping = {'schema': 1, 'time': {'column': '', 'unit': 's'}, 'columns': columns}
+    file = written(tmp_path / 'a.csv', '0,0,0,1\n1,0,0,1\n2,0,0,1\n', header=',x,y,z\n')
+    assert import_csv(file, mapping).time.tolist() == [0.0, 1.0, 2.0]
+
+
 @pytest.mark.parametrize(
     ('time', 'said'),
     [

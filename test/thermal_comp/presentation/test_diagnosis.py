@@ -89,6 +89,7 @@ def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
         (1975.0, 15420.0, 't = 1975 ± 1.542e+04 s (not told by these recordings)'),
         ((1.9, 3.0), (4.0, 0.1), 't = (1.9, 3) ± (4, 0.1) s (± one standard deviation)'),
         (0.0, None, 't = 0 s'),
+        (0.0, 0.05, 't = 0 ± 0.05 s (± one standard deviation)'),
     ],
 )
 def test_what_the_recordings_do_not_tell_is_not_said_as_if_they_did(

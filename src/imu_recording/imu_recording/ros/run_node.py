@@ -138,9 +138,12 @@ def run_node(
         if node is not None:
             node.end()
             faulthandler.dump_traceback_later(RELEASE_TIMEOUT_S, exit=True, file=STDERR)
-            node.destroy_node()
-        rclpy.try_shutdown()
-        faulthandler.cancel_dump_traceback_later()
+        try:
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def _new_node(node_class: Callable[[], ConfiguredNode], arguments: list[str]) -> ConfiguredNode:

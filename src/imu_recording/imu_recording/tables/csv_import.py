@@ -98,7 +98,7 @@ def _read(path: Path, mapping: CsvMapping, rows: RowRange) -> tuple[Samples, lis
     samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
     if len(stamp) > 1 and len(samples.stamp) == 1 and not np.ptp(stamp):
         raise BagError(
-            f'{path}: column {mapping.time_column!r} holds the same time in all '
+            f'{path}: {mapping.clock} holds the same time in all '
             f'{len(stamp)} rows; is it the time? (time: column in the mapping)'
         )
     if rows.by_line:
@@ -183,13 +183,13 @@ def _stamps(
     if lost:
         notes.append(f'{lost} rows without a time left out')
     if not kept.any():
-        raise BagError(f'{path}: no row with a time in column {mapping.time_column!r}')
+        raise BagError(f'{path}: no row with a time in {mapping.clock}')
     unit = 1e9 if mapping.time_unit == ISO_TIME else TIME_UNITS[mapping.time_unit]
     taken = time[kept]
     worst = float(np.abs(taken).max())
     if worst * unit + abs(mapping.time_offset) * 1e9 > LATEST_STAMP_NS:
         raise BagError(
-            f'{path}, column {mapping.time_column!r}: {worst:g} {mapping.time_unit} is no time; '
+            f'{path}, {mapping.clock}: {worst:g} {mapping.time_unit} is no time; '
             'is its unit right?'
         )
     whole = np.floor(taken)

@@ -25,6 +25,9 @@ MISSING_TEXTS = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
 """What a cell without a value may hold, in lower case."""
 LARGEST_GARBLED_SHARE = 0.01
 """Of more lines that hold what is no number, the mapping or the file is wrong."""
+MOST_GARBLED_AT_FIRST = 100
+"""Such lines beyond that share after which no more are read."""
+DELIMITERS = ';\t|,'
 FIRST_LINES = 50
 """Lines that tell how many cells the rows of a file without a header have."""
 Parsed = TypeVar('Parsed')
@@ -37,9 +40,9 @@ def read_table(
     """Return the named columns as (n, len(names)) and notes; raise BagError naming the place.
 
     Cells without a value are NaN. Lines with another number of cells, and up to one of a hundred
-    with what is no number (a serial line garbles some), are left out and counted. Under the name
-    '' stand the times of counted rows, those left out included. Dates become seconds since 1970
-    (UTC where they name no zone, which is said).
+    with what is no number (a serial line garbles some), are left out and counted. Where the
+    mapping has the rate of the rows, the first column is their time by count, those left out
+    included. Dates become seconds since 1970 (UTC where they name no zone, which is said).
     """
     table, notes = in_its_encoding(path, lambda stream: _parse(stream, path, mapping, names, rows))
     return table, notes
@@ -74,7 +77,7 @@ def _parse(
     rows: RowRange,
 ) -> tuple[FloatArray, list[str]]:
     header, lines = _headed(_lines(stream, mapping), path, mapping)
-    named = [name for name in names if name]
+    named = names[1:] if mapping.row_rate else names
     places = [_place(name, header, path, mapping) for name in named]
     width = len(header)
     values: list[list[float]] = []
@@ -92,6 +95,8 @@ def _parse(
             values.append([*counted, *_row(cells, places, path, number, mapping, named)])
         except BagError as error:
             garbled.append(str(error))
+            if len(garbled) > MOST_GARBLED_AT_FIRST + LARGEST_GARBLED_SHARE * len(values):
+                break
             continue
         zoned = zoned or _names_zone(cells[places[0][0]])
     notes = [] if zoned else ['the times name no zone: taken as UTC']
@@ -122,8 +127,9 @@ def _headed(
     if mapping.header:
         return [cell.strip() for cell in first[0][1]], lines
     width = Counter(len(cells) for _, cells in first).most_common(1)[0][0]
-    names = [str(k) for k in range(width)] if width > 1 else first[0][1]
-    return names, chain(first, lines)
+    cells = first[0][1]
+    split = width == 1 and any(sign in cells[0] for sign in DELIMITERS)
+    return cells if split else [str(k) for k in range(width)], chain(first, lines)
 
 
 def _lines(stream: Iterator[str], mapping: CsvMapping) -> Iterator[tuple[int, list[str]]]:
@@ -141,7 +147,7 @@ def _place(name: str, known: list[str], path: Path, mapping: CsvMapping) -> tupl
     for candidate, sign in ((name, 1.0), (name.removeprefix('-').strip(), -1.0)):
         if candidate in known:
             return known.index(candidate), sign
-    others = [sign for sign in ';\t|,' if sign != mapping.delimiter]
+    others = [sign for sign in DELIMITERS if sign != mapping.delimiter]
     split = next((sign for sign in others if len(known) == 1 and sign in known[0]), '')
     way = f'; is the delimiter {split!r}? (delimiter: {split!r} in the mapping)' if split else ''
     raise BagError(

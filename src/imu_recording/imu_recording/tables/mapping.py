@@ -181,6 +181,11 @@ class CsvMapping:
     decimal: str = '.'
     header: bool = True
 
+    @property
+    def clock(self) -> str:
+        """Where the times come from, as a message calls it."""
+        return 'time: rate' if self.row_rate else f'column {self.time_column!r}'
+
 
 def load_mapping(path: str | Path, *, beside: bool = False) -> CsvMapping:
     """Read a mapping file; raise MappingError naming the file and what is wrong."""

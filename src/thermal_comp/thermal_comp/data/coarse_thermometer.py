@@ -3,44 +3,67 @@
 
 A reading y says that T + noise was within half a count of it, no more: ln P(y | T) =
 ln [Φ((y + q/2 − T)/σ) − Φ((y − q/2 − T)/σ)]. While it stays within a count the temperature is told
-by the instants at which it went from one count to the next, and by how smooth it is: the third
-differences are normal with one deviation ρ (a smoothing spline, Wahba, Spline Models for
-Observational Data, 1990, ch. 1). The likeliest course is found by Newton's method, σ and ρ by the
-marginal likelihood in Laplace's approximation (Rasmussen and Williams, Gaussian Processes for
-Machine Learning, 2006, sec. 3.4).
+by the instants at which it went from one count to the next, and by how smooth it is: its second or
+third differences are normal with one deviation ρ (a smoothing spline, Wahba, Spline Models for
+Observational Data, 1990, ch. 1). The likeliest course is found by Newton's method, σ, ρ and the
+order by the marginal likelihood in Laplace's approximation (Rasmussen and Williams, Gaussian
+Processes for Machine Learning, 2006, sec. 3.4).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.ndimage import median_filter
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.special import log_ndtr
 
-LEAST_HELD_SHARE = 0.5
+LEAST_HELD_SHARE = 0.6
 """Share of rows that repeat the one before, from which the noise is below the counts."""
-LEAST_HELD_ROWS = 3
-"""Rows that are alike, from which they are a count, no mean of several."""
 MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
 """Rows between two readings that are written into every row, at most, and share of the changes
 that come after whole numbers of them."""
 LEAST_MEANS, MOST_MEANS = 40, 4000
 """Number of means of rows that a course is fitted to."""
-MEANS_OF, LEAST_COUNT_SHARE = (10, 5, 4, 3, 2, 1), 0.9
-"""Readings in a row whose mean may be held by chance, and share of the rows held that are none."""
+MOST_COUNTS = 5000
+"""Counts between the lowest and the highest reading; of more one is a spike."""
+SPIKE = 5.0
+"""Distance of a reading from both of its neighbours that is none of the temperature [counts]."""
+LATTICE_ROUNDS = 20
+"""Times the step of the counts is taken from all of them, first from the smallest."""
+MOST_READINGS, DECIMALS = 200_000, 4
+"""Readings that tell the counts, and decimals to which they are alike."""
+SPIKE_SHARE, LARGEST_OFF_LATTICE = 1e-3, 0.2
+"""Share of the readings at either end that may be spikes, and distance from a count that rounding
+to decimals makes [counts]."""
 LARGEST_SPAN = 1.5
 """Counts a mean extends over, from which it is as good as one of a fine thermometer."""
 FINE_NOISE = 0.1
 """Noise of such a mean [counts]."""
 NOISES = tuple(np.geomspace(0.000625, 0.32, 10).tolist())
 """Noise of a reading [counts]."""
+LARGEST_NOISE = 0.2
+"""Noise above which the mean of the readings says as much as their counts [counts]."""
 BENDS = tuple(np.geomspace(1e-7, 1.0, 15).tolist())
-"""Deviations of the third differences [counts]."""
+"""Deviations of the differences [counts]."""
+ORDERS = (3, 2)
+"""Orders of the differences: of a die behind its package, and of one that air heats at once."""
+MOVES = (
+    (0, -1, 0),
+    (0, 1, 0),
+    (-1, 0, 0),
+    (1, 0, 0),
+    (-1, -1, 0),
+    (-1, 1, 0),
+    (0, 0, 1),
+    (0, 2, 1),
+)
+"""Steps of the search in places of NOISES, BENDS and ORDERS."""
 MOST_STEPS = 60
 """Of Newton's method."""
 CONVERGED = 1e-2
@@ -52,7 +75,6 @@ UNIFORM = 12.0
 LEAST_CURVATURE, ROUNDING = 1e-6, 1e-14
 """Added to the diagonal, of rows that say nothing [1/counts²], and of its largest part."""
 _LN_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
-_THIRD_DIFFERENCE: FloatArray = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +86,7 @@ class CoarseCourse:
     values: FloatArray
     """(m,) the course there [K]."""
     root: FloatArray
-    """(4, m) banded Cholesky factor of its inverse covariance [1/K²]."""
+    """(b, m) banded Cholesky factor of its inverse covariance [1/K²]."""
     count: float
     """Size of a count [K]."""
 
@@ -87,60 +109,67 @@ class CoarseCourse:
         return np.asarray(errors * np.minimum(1.0, self.count / np.sqrt(12.0) / together))
 
 
-def coarse_course(temperature: FloatArray) -> CoarseCourse | None:
+def coarse_course(temperature: FloatArray, counts: Sequence[float] = ()) -> CoarseCourse | None:
     """Return the course behind readings (n,) at equal distances; None where noise is the larger.
 
-    A row between two counts is a mean of readings of both.
+    A row between two `counts` (those of the thermometer, ascending; else of the rows) is a mean of
+    readings of both.
     """
-    levels = _levels(temperature)
+    change = np.flatnonzero(np.diff(temperature))
+    repeated = len(temperature) - len(change)
+    if repeated < LEAST_HELD_SHARE * len(temperature) or _is_read_seldom(change):
+        return None
+    levels = np.asarray(counts or counts_of(temperature))
     every = -(-len(temperature) // MOST_MEANS)
     size = len(temperature) // max(every, 1)
     if len(levels) < 2 or size < LEAST_MEANS:
         return None
-    counts = np.interp(temperature, levels, np.arange(len(levels)))
-    readings = _Readings.of(counts[: size * every].reshape(size, every))
-    noise, course, root = readings.likeliest()
-    if noise == NOISES[-1]:
-        return None
-    middles = np.arange(size, dtype=float) * every + 0.5 * (every - 1)
     last = len(levels) - 1
     kelvin = float(levels[-1] - levels[0]) / last
+    beyond = temperature - np.clip(temperature, levels[0], levels[-1])
+    rows = np.interp(temperature, levels, np.arange(last + 1)) + beyond / kelvin
+    usual = median_filter(rows, 3, mode='nearest')
+    rows = np.where(np.abs(rows - usual) > SPIKE, usual, rows)
+    readings = _Readings.of(rows[: size * every].reshape(size, every))
+    noise, course, root = readings.likeliest()
+    if noise > LARGEST_NOISE:
+        return None
+    middles = np.arange(size, dtype=float) * every + 0.5 * (every - 1)
     beyond = course - np.clip(course, 0.0, last)
     values = np.interp(course, np.arange(last + 1), levels) + kelvin * beyond
     return CoarseCourse(middles, values, np.asarray(root / kelvin), kelvin)
 
 
-def _levels(temperature: FloatArray) -> FloatArray:
-    """Return the ascending counts of a thermometer [K], those it skipped included.
+def counts_of(readings: FloatArray) -> tuple[float, ...]:
+    """Return the ascending counts of a thermometer [°C] by readings, those it skipped included.
 
-    Empty of one whose noise is above its counts.
+    Rounded to decimals they are at unequal distances. Empty of one without counts, or of a single
+    one.
     """
-    change = np.flatnonzero(np.diff(temperature))
-    repeated = len(temperature) - len(change)
-    if repeated < LEAST_HELD_SHARE * len(temperature) or _is_read_seldom(change):
-        return np.zeros(0)
-    first = np.append(0, change + 1)
-    length = np.diff(first, append=len(temperature))
-    held = length >= LEAST_HELD_ROWS
-    found, place = np.unique(np.round(temperature[first[held]], 6), return_inverse=True)
-    if len(found) < 2:
-        return np.zeros(0)
-    rows = np.bincount(place, length[held])
-    least = float(np.diff(found).min())
-    counts = np.rint((found - found[np.argmax(rows)]) / least).astype(int)
-    # The largest count whose multiples most readings are: others are means of two by chance.
-    for most in MEANS_OF:
-        is_count = counts % most == 0
-        if is_count.sum() > 1 and rows[is_count].sum() >= LEAST_COUNT_SHARE * rows.sum():
-            break
-    found, counts = found[is_count], counts[is_count] // most
-    inside = np.interp(np.arange(counts[0], counts[-1] + 1), counts, found)
-    kelvin = float(inside[-1] - inside[0]) / (len(inside) - 1)
-    below = int(np.ceil(max(inside[0] - float(temperature.min()), 0.0) / kelvin))
-    above = int(np.ceil(max(float(temperature.max()) - inside[-1], 0.0) / kelvin))
-    lower = inside[0] - kelvin * np.arange(below, 0, -1)
-    upper = inside[-1] + kelvin * np.arange(1, above + 1)
-    return np.concatenate([lower, inside, upper])
+    some = readings[:: max(1, len(readings) // MOST_READINGS)]
+    some = np.round(some[np.isfinite(some)], DECIMALS)
+    if not len(some):
+        return ()
+    low, high = np.quantile(some, (SPIKE_SHARE, 1.0 - SPIKE_SHARE))
+    found = np.unique(some[(some >= low) & (some <= high)])
+    if not 2 <= len(found) <= MOST_COUNTS:
+        return ()
+    number = _on_a_lattice(found)
+    if number[-1] > MOST_COUNTS:
+        return ()
+    step, first = np.polyfit(number, found, 1)
+    if np.abs(found - first - step * number).max() > LARGEST_OFF_LATTICE * step:
+        return ()
+    return tuple(np.interp(np.arange(number[-1] + 1), number, found).tolist())
+
+
+def _on_a_lattice(found: FloatArray) -> IntArray:
+    """Return (l,) whole numbers that ascending readings are alike to, if rounded to decimals."""
+    step, number = float(np.diff(found).min()), np.zeros(len(found), np.int64)
+    for _ in range(LATTICE_ROUNDS):
+        number[1:] = np.cumsum(np.rint(np.diff(found) / step))
+        step = float(np.polyfit(number, found, 1)[0])
+    return number
 
 
 def _is_read_seldom(changes: IntArray) -> bool:
@@ -166,80 +195,123 @@ class _Readings:
     low: FloatArray
     """(m,) the lower one of the two counts that each is a mean of."""
     weight: FloatArray
-    """(m, 2) readings of the lower count and of the next."""
-    fine: NDArray[np.bool_]
-    """(m,) those over so many counts that rounding is no matter."""
+    """(m, 2) readings of the lower count and of the next; 0 of a mean over many."""
+    middle: FloatArray
+    """(m,) inverse variance of the temperature about the mean [1/counts²].
+
+    That of a mean over many counts, and for each while a count is held one observation of the
+    temperature's mean, whose error is that of rounding.
+    """
 
     @classmethod
     def of(cls, counts: FloatArray) -> _Readings:
         """Return those of rows (m, every)."""
         means = counts.mean(axis=1)
         low = np.floor(means)
-        share = means - low
+        share, fine = means - low, np.ptp(counts, axis=1) > LARGEST_SPAN
         weight = counts.shape[1] * np.stack([1.0 - share, share], axis=1)
-        return cls(means, low, weight, np.ptp(counts, axis=1) > LARGEST_SPAN)
+        weight[fine] = 0.0
+        first = np.append(0, np.flatnonzero(np.diff(means)) + 1)
+        length = np.diff(first, append=len(means))
+        middle = np.repeat(UNIFORM / length, length)
+        middle[share > 0.0] = 0.0
+        middle[fine] = FINE_NOISE**-2
+        return cls(means, low, weight, middle)
 
     def likeliest(self) -> tuple[float, FloatArray, FloatArray]:
-        """Return the likeliest noise with its course (m,) and banded Cholesky factor (4, m)."""
-        best = len(NOISES) - 2, len(BENDS) // 2
-        known = {best: self.fitted(NOISES[best[0]], BENDS[best[1]], self.means)}
-        while True:
+        """Return the likeliest noise with its course (m,) and banded Cholesky factor (b, m)."""
+        known: dict[tuple[int, int, int], tuple[FloatArray, FloatArray, float]] = {}
+        best = len(NOISES) - 2, len(BENDS) // 2, 0
+        known[best] = self.fitted(*best)
+        here = None
+        while best != here:
             here = best
-            for noise, bend in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-                near = here[0] + noise, here[1] + bend
-                inside = 0 <= near[0] < len(NOISES) and 0 <= near[1] < len(BENDS)
-                if inside and near not in known:
-                    start = known[here][0]
-                    known[near] = self.fitted(NOISES[near[0]], BENDS[near[1]], start)
-                if inside and known[near][2] > known[best][2]:
+            for move in MOVES:
+                near = here[0] + move[0], here[1] + move[1], (here[2] + move[2]) % len(ORDERS)
+                if not (0 <= near[0] < len(NOISES) and 0 <= near[1] < len(BENDS)):
+                    continue
+                if near not in known:
+                    known[near] = self.fitted(*near, known[here][0])
+                if known[near][2] > known[best][2]:
                     best = near
-            if best == here:
-                return NOISES[best[0]], *known[best][:2]
+        return NOISES[best[0]], *known[best][:2]
 
     def fitted(
-        self, noise: float, bend: float, start: FloatArray
+        self, noise: int, bend: int, order: int, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Return the likeliest course (m,), its banded Cholesky factor (4, m) and ln evidence."""
-        stiff = _stiffness(len(start), bend)
-        course, damping = start, UNIFORM * float(self.weight.sum(axis=1).mean())
-        if start is self.means:  # as if the rounding were normal noise
-            root = _factor(stiff, np.full(len(start), damping))
-            course = cho_solve_banded((root, False), damping * start)
-        value = self._objective(course, noise, bend)
+        """Return the likeliest course (m,), its banded Cholesky factor (b, m) and ln evidence.
+
+        Of a place in NOISES, BENDS and ORDERS, from another course or as of normal noise.
+        """
+        prior = _Smoothness(ORDERS[order], BENDS[bend])
+        stiff, sigma = prior.bands(len(self.means)), NOISES[noise]
+        damping = UNIFORM * float(self.weight.sum(axis=1).mean())
+        if start is None:
+            root = _factor(stiff, np.full(len(self.means), damping))
+            start = cho_solve_banded((root, False), damping * self.means)
+        course, value = start, self._log_likelihood(start, sigma) - prior.penalty(start)
         for _ in range(MOST_STEPS):
-            slope, curvature = self._derivatives(course, noise)
+            slope, curvature = self._derivatives(course, sigma)
             root = _factor(stiff, curvature + damping)
-            step = cho_solve_banded((root, False), slope - _third_sum(course, bend))
-            reached = self._objective(course + step, noise, bend)
+            step = cho_solve_banded((root, False), slope - prior.slope(course))
+            further = course + step
+            reached = self._log_likelihood(further, sigma) - prior.penalty(further)
             gain = reached - value
             if gain >= 0.0:
-                course, value = course + step, reached
+                course, value = further, reached
                 if gain < CONVERGED and damping < LEAST_DAMPING:
                     break
             damping *= 0.1 if gain >= 0.0 else 10.0
-        root = _factor(stiff, self._derivatives(course, noise)[1])
-        evidence = value - (len(course) - 3) * np.log(bend) - float(np.log(root[3]).sum())
-        return course, root, evidence
+        root = _factor(stiff, self._derivatives(course, sigma)[1])
+        free = (len(course) - prior.order) * np.log(prior.bend)
+        return course, root, value - free - float(np.log(root[-1]).sum())
 
-    def _objective(self, course: FloatArray, noise: float, bend: float) -> float:
-        """Return ln of the likelihood and of the prior of a course."""
-        total = -0.5 * float(((np.diff(course, 3) / bend) ** 2).sum())
-        total -= 0.5 * float((((self.means - course)[self.fine] / FINE_NOISE) ** 2).sum())
+    def _log_likelihood(self, course: FloatArray, noise: float) -> float:
+        total = -0.5 * float((self.middle * (self.means - course) ** 2).sum())
         for k in range(2):
-            ln = _bounds(self.low + k - course, noise)[0]
-            total += float((self.weight[:, k] * ln)[~self.fine].sum())
+            total += float(self.weight[:, k] @ _bounds(self.low + k - course, noise)[0])
         return total
 
     def _derivatives(self, course: FloatArray, noise: float) -> tuple[FloatArray, FloatArray]:
         """Return the (m,) slope of the ln likelihood and its curvature, turned to be positive."""
-        slope, curvature = np.zeros((2, len(course)))
+        slope, curvature = self.middle * (self.means - course), self.middle.copy()
         for k in range(2):
             _, first, second = _bounds(self.low + k - course, noise)
             slope += self.weight[:, k] * first
             curvature += self.weight[:, k] * second
-        slope[self.fine] = (self.means - course)[self.fine] / FINE_NOISE**2
-        curvature[self.fine] = FINE_NOISE**-2
         return slope, curvature
+
+
+@dataclass(frozen=True)
+class _Smoothness:
+    """A prior of courses: differences of an order are normal with one deviation."""
+
+    order: int
+    bend: float
+    """Deviation [counts]."""
+
+    @property
+    def _difference(self) -> FloatArray:
+        """(order + 1,) weights of a difference, over its deviation."""
+        return np.asarray(np.diff(np.eye(self.order + 1), self.order, axis=0)[0] / self.bend)
+
+    def penalty(self, course: FloatArray) -> float:
+        """Return −ln of the prior of a course, but for a constant."""
+        return 0.5 * float(((np.diff(course, self.order) / self.bend) ** 2).sum())
+
+    def slope(self, course: FloatArray) -> FloatArray:
+        """Return the (m,) slope of the penalty."""
+        differences = np.diff(course, self.order) / self.bend
+        return np.asarray(np.convolve(differences, self._difference))
+
+    def bands(self, size: int) -> FloatArray:
+        """Return the upper bands (order + 1, m) of the matrix of the penalty."""
+        bands = np.zeros((self.order + 1, size))
+        for row, one in enumerate(self._difference):
+            for column in range(row, self.order + 1):
+                place = self.order - (column - row)
+                bands[place, column : column + size - self.order] += one * self._difference[column]
+        return bands
 
 
 def _bounds(offset: FloatArray, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -249,7 +321,7 @@ def _bounds(offset: FloatArray, noise: float) -> tuple[FloatArray, FloatArray, F
     sign = np.where(offset > 0.0, -1.0, 1.0)
     low, high = np.where(sign > 0.0, low, -high), np.where(sign > 0.0, high, -low)
     above, below = log_ndtr(high), log_ndtr(low)
-    ln = above + np.log1p(-np.exp(np.minimum(below - above, -1e-300)))
+    ln = above + np.log1p(-np.exp(np.minimum(below - above, -1e-16)))
     at_low = np.exp(-0.5 * low**2 - _LN_SQRT_2PI - ln)
     at_high = np.exp(-0.5 * high**2 - _LN_SQRT_2PI - ln)
     slope = (at_low - at_high) / noise
@@ -257,23 +329,7 @@ def _bounds(offset: FloatArray, noise: float) -> tuple[FloatArray, FloatArray, F
     return ln, sign * slope, np.maximum(curvature, 0.0)
 
 
-def _third_sum(course: FloatArray, bend: float) -> FloatArray:
-    """Return (m,) the slope of the prior's penalty."""
-    third = np.diff(course, 3) / bend**2
-    return np.asarray(np.convolve(third, _THIRD_DIFFERENCE))
-
-
-def _stiffness(size: int, bend: float) -> FloatArray:
-    """Return the upper bands (4, m) of the penalty's matrix."""
-    bands = np.zeros((4, size))
-    for row, one in enumerate(_THIRD_DIFFERENCE):
-        for column in range(row, 4):
-            product = one * _THIRD_DIFFERENCE[column] / bend**2
-            bands[3 - (column - row), column : column + size - 3] += product
-    return bands
-
-
 def _factor(stiff: FloatArray, curvature: FloatArray) -> FloatArray:
     bands = stiff.copy()
-    bands[3] += curvature + LEAST_CURVATURE + ROUNDING * stiff[3]
+    bands[-1] += curvature + LEAST_CURVATURE + ROUNDING * stiff[-1]
     return np.asarray(cholesky_banded(bands))

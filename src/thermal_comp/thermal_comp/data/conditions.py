@@ -55,6 +55,8 @@ class Conditions:
     """Time from the first sample of the campaign's first run to where `time` is zero [s]."""
     temperature_interval: float = 0.0
     """Time between measurements of `temperature` [s], with straight lines between; 0: each row."""
+    temperature_counts: tuple[float, ...] = ()
+    """Counts of the thermometer, ascending [°C]; empty where it has none, or they are unknown."""
     sensor: Sensor = 'accelerometer'
     """The sensor whose error an effect is to give."""
     reference_temperature: float = REFERENCE_TEMPERATURE

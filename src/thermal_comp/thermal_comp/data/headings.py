@@ -24,8 +24,9 @@ LARGEST_MISFIT_SHARE = 0.2
 angles to some degrees, and iron near by bends the field by as much."""
 MOST_RUNS = 5
 """Runs whose headings are found together."""
-LEAST_WRONG_SHARE = 0.05
-"""Rms that wrong headings leave, as a share of the field, at least."""
+LARGEST_RIGHT_SHARE, LEAST_WRONG_SHARE = 0.02, 0.05
+"""Rms that right headings leave, as a share of the field, at most, and wrong ones at least: a
+fixture leans by a degree, and a heading that is no right angle leaves more."""
 LARGEST_SHARE_OF_USUAL, LARGEST_SHARE_OF_SECOND = 0.25, 0.5
 """Rms that the right headings leave, as a share of that of the fixture's usual ones, and of that
 of the next best."""
@@ -94,7 +95,9 @@ def turned_orientations(runs: Sequence[Conditions]) -> list[FloatArray] | None:
     best, second = np.argsort([fit.misfit for fit in fits], kind='stable')[:2]
     found = fits[best]
     is_better = found.misfit < min(
-        LARGEST_SHARE_OF_USUAL * default.misfit, LARGEST_SHARE_OF_SECOND * fits[second].misfit
+        LARGEST_RIGHT_SHARE * found.field,
+        LARGEST_SHARE_OF_USUAL * default.misfit,
+        LARGEST_SHARE_OF_SECOND * fits[second].misfit,
     )
     if not found.is_told or not is_better:
         return None

@@ -18,6 +18,7 @@ from imu_recording.recording import (
 from imu_recording.synchronise import longest_stretch
 
 from thermal_comp.data.blocks import block_length, in_blocks, in_common_blocks
+from thermal_comp.data.coarse_thermometer import counts_of
 from thermal_comp.data.conditions import (
     SENSORS,
     Conditions,
@@ -136,7 +137,11 @@ def prepare_run(
     fine, filled = complete(_with_known_temperature(fine, name, notes))
     notes += [*counted, *filled]
     fine = without_cycle_ends(fine)
-    conditions = replace(truth(fine), temperature_interval=measurement_interval(whole))
+    conditions = replace(
+        truth(fine),
+        temperature_interval=measurement_interval(whole),
+        temperature_counts=counts_of(whole.temperature),
+    )
     since_origin = conditions.time + (fine.stamp[0] - origin) * 1e-9
     unblocked = PreparedRun(
         name=name,

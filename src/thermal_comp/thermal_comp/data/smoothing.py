@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,7 +22,7 @@ from scipy.fft import dct, next_fast_len
 from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 
 from thermal_comp.data.adaptive_spline import adaptive_spline
-from thermal_comp.data.coarse_thermometer import coarse_course
+from thermal_comp.data.coarse_thermometer import CoarseCourse, coarse_course
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.gaps import ends_of_long_gaps
 
@@ -46,77 +47,103 @@ LONG_GAP_STEPS = 20.0
 """Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
 
+Courses: TypeAlias = list[tuple[IntArray, FloatArray, CoarseCourse]]
+"""Rows of pieces of a temperature, their places in its course between counts, and that course."""
+
+
 def smoothed_conditions(conditions: Conditions) -> tuple[Conditions, IntArray]:
     """Return conditions with the temperature smoothed, and where in them the given rows are.
 
     They have further rows between bursts, so that what has a memory of the temperature sees its
     course there. Kept as long as the conditions are.
     """
+    smoothed, row, _ = _smoothed_with_courses(conditions)
+    return smoothed, row
+
+
+def _smoothed_with_courses(conditions: Conditions) -> tuple[Conditions, IntArray, Courses]:
     if conditions not in _SMOOTHED:
-        time, measured = conditions.time, conditions.temperature
+        time = conditions.time
         if bursts := _bursts(time):
             between = _between_bursts(time, bursts)
             longer = conditions.at(np.sort(np.concatenate([time, between])))
             temperature = _through_bursts(conditions, bursts, longer.time)
             row = np.arange(len(time)) + np.searchsorted(between, time)
-            _SMOOTHED[conditions] = replace(longer, temperature=temperature), row
+            _SMOOTHED[conditions] = replace(longer, temperature=temperature), row, []
         else:
-            smooth = smoothed_temperature(time, measured, conditions.temperature_interval)
-            _SMOOTHED[conditions] = replace(conditions, temperature=smooth), np.arange(len(time))
+            smooth, courses = _smoothed(
+                time,
+                conditions.temperature,
+                conditions.temperature_interval,
+                conditions.temperature_counts,
+            )
+            rows = np.arange(len(time))
+            _SMOOTHED[conditions] = replace(conditions, temperature=smooth), rows, courses
     return _SMOOTHED[conditions]
 
 
-_SMOOTHED: WeakKeyDictionary[Conditions, tuple[Conditions, IntArray]] = WeakKeyDictionary()
+_SMOOTHED: WeakKeyDictionary[Conditions, tuple[Conditions, IntArray, Courses]] = (
+    WeakKeyDictionary()
+)
 
 
 def smoothed_temperature(
-    time: FloatArray, temperature: FloatArray, interval: float = 0.0
+    time: FloatArray,
+    temperature: FloatArray,
+    interval: float = 0.0,
+    counts: Sequence[float] = (),
 ) -> FloatArray:
     """Return the (n,) temperature without its thermometer's noise; `time` (n,) ascends [s].
 
     `interval`: time between measurements [s] that straight lines join; 0: each row is one. Rows on
-    such lines have less noise from one to the next than the measurements have.
+    such lines have less noise from one to the next than the measurements have. `counts`: those of
+    the thermometer, where rows are means of several measurements [°C].
     """
+    return _smoothed(time, temperature, interval, counts)[0]
+
+
+def _smoothed(
+    time: FloatArray, temperature: FloatArray, interval: float, counts: Sequence[float]
+) -> tuple[FloatArray, Courses]:
     pieces, step = _pieces(time)
     longest = max(pieces, key=len)
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
-        return temperature
-    smoothed = temperature.copy()
+        return temperature, []
+    smoothed, courses = temperature.copy(), []
     every = max(round(interval / step), 1)
     width = _width(temperature[longest][::every], every * step)
     for rows in pieces:
         values = temperature[rows]
         if len(rows) < LEAST_ROWS:
             continue
-        coarse = coarse_course(values[::every])
-        if coarse is not None:
-            smoothed[rows] = coarse.at(np.arange(len(rows)) / every)
+        course = coarse_course(values[::every], counts)
+        if course is not None:
+            places = np.arange(len(rows)) / every
+            smoothed[rows] = course.at(places)
+            courses.append((rows, places, course))
             continue
         adapted = adaptive_spline(values, width / step, every)
         smoothed[rows] = _spline(values, width / step) if adapted is None else adapted
-    return smoothed
+    return smoothed, courses
 
 
 def errors_between_counts(conditions: Conditions) -> FloatArray:
     """Return (n, e) what a coarse thermometer leaves unknown, one deviation each [K].
 
-    (n, 0) of a fine one. Kept as long as the conditions are.
+    The largest over all pieces between gaps; (n, 0) of a fine one. Kept as long as the conditions.
     """
     if conditions not in _BETWEEN_COUNTS:
-        time, measured = conditions.time, conditions.temperature
-        pieces, step = _pieces(time)
-        every = max(round(conditions.temperature_interval / step), 1)
-        errors = [np.zeros((len(time), 0))]
-        for rows in pieces:
-            coarse = coarse_course(measured[rows][::every])
-            if coarse is not None:
-                own = np.zeros((len(time), MOST_ERRORS_OF_COUNTS))
-                found = coarse.errors(np.arange(len(rows)) / every, MOST_ERRORS_OF_COUNTS)
-                own[rows, : found.shape[1]] = found
-                errors.append(own)
-        every_one = np.concatenate(errors, axis=1)
-        largest = np.argsort(-(every_one**2).sum(axis=0), kind='stable')
-        _BETWEEN_COUNTS[conditions] = every_one[:, largest[:MOST_ERRORS_OF_COUNTS]]
+        courses = _smoothed_with_courses(conditions)[2]
+        whole = sum(len(rows) for rows, _, _ in courses)
+        found = []
+        for rows, places, course in courses:
+            share = -(-MOST_ERRORS_OF_COUNTS * len(rows) // whole)
+            found += [(rows, error) for error in course.errors(places, max(share, 2)).T]
+        found.sort(key=lambda one: -float(one[1] @ one[1]))
+        errors = np.zeros((len(conditions.time), min(len(found), MOST_ERRORS_OF_COUNTS)))
+        for k, (rows, error) in enumerate(found[:MOST_ERRORS_OF_COUNTS]):
+            errors[rows, k] = error
+        _BETWEEN_COUNTS[conditions] = errors
     return _BETWEEN_COUNTS[conditions]
 
 
@@ -156,7 +183,9 @@ def _through_bursts(
     """
     time, measured = conditions.time, conditions.temperature
     if max(map(len, bursts)) >= LONGEST_SHORT_BURST_ROWS:
-        smooth = smoothed_temperature(time, measured, conditions.temperature_interval)
+        smooth = smoothed_temperature(
+            time, measured, conditions.temperature_interval, conditions.temperature_counts
+        )
         ends = np.concatenate([rows[[0, -1]] for rows in bursts if len(rows) > 1])
         slope = np.gradient(smooth, time)
         inside = np.interp(there, time, smooth)

@@ -16,6 +16,8 @@ from thermal_comp.presentation.html_table import html_table
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
+POSITIVE_UNITS = ('s', 'K')
+"""Of times and widths, which are above zero."""
 VERDICTS = {
     'complete': 'nothing is missing',
     'changed': 'the device is no longer what its model says',
@@ -263,13 +265,14 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
 
 
 def _is_unknown(value: Mapping[str, Any]) -> bool:
-    """Tell whether a parameter may be any: its standard deviation is as large as itself."""
+    """Tell whether a time or a width may be any: its standard deviation is as large as itself."""
     values, deviations = (
         list(each) if isinstance(each, list | tuple) else [each]
         for each in (value['value'], value['std'])
     )
-    known = None in deviations or len(values) != len(deviations)
-    return not known and all(d >= abs(v) for v, d in zip(values, deviations, strict=True))
+    if value['unit'] not in POSITIVE_UNITS or None in deviations or len(values) != len(deviations):
+        return False
+    return bool(values) and all(d >= v > 0.0 for v, d in zip(values, deviations, strict=True))
 
 
 def _number(value: Any) -> str:
