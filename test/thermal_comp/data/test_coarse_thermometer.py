@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from thermal_comp.data.coarse_thermometer import coarse_course, counts_of
+from thermal_comp.data.coarse_thermometer import coarse_course
 from thermal_comp.data.conditions import settled_conditions
 from thermal_comp.data.smoothing import errors_between_counts
+from thermal_comp.data.thermometer_counts import counts_of
 
 from ..campaign import lagging
 

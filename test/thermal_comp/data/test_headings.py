@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs in several orientations tell the magnetometer's offset from the field, and headings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.conditions import Conditions, mounting_rotation
@@ -101,3 +103,29 @@ def test_right_angles_about_the_vertical_are_found(turns: tuple[int, ...]) -> No
 )
 def test_else_they_are_those_of_the_fixture(runs: list[Conditions]) -> None:
     assert turned_orientations(runs) is None
+
+
+def test_of_random_campaigns_most_are_found_and_hardly_one_wrongly() -> None:
+    rng = np.random.default_rng(3)
+    right = wrong = 0
+    for _ in range(300):
+        turns = (0, *rng.integers(0, 4, 2).tolist())
+        offset, readings = rng.normal(0.0, 15e-6, 3), []
+        for up, number in zip(('+x', '+y', '+z'), turns, strict=True):
+            field = FIELD + np.cross(0.02 * rng.standard_normal(3), FIELD)
+            turned = np.linalg.matrix_power(QUARTER_TURN, number) @ field
+            readings.append(mounting_rotation(up) @ turned + offset)
+        runs = [
+            replace(run(up), magnetic_field=np.tile(reading, (50, 1)))
+            for up, reading in zip(('+x', '+y', '+z'), readings, strict=True)
+        ]
+        found = turned_orientations(runs)
+        if found is not None:
+            expected = [
+                mounting_rotation(up) @ np.linalg.matrix_power(QUARTER_TURN, number)
+                for up, number in zip(('+x', '+y', '+z'), turns, strict=True)
+            ]
+            is_right = np.allclose(found, expected)
+            right, wrong = right + is_right, wrong + (not is_right)
+    assert right > 240
+    assert wrong <= 2

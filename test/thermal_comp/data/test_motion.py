@@ -107,6 +107,8 @@ def test_a_second_in_another_attitude_at_an_end_is_motion(rows: slice) -> None:
     force = still.linear_acceleration.copy()
     force[rows, 0] += 0.9
     assert moved_spans(replace(still, linear_acceleration=force)) == [(rows.start, rows.stop)]
+    force[rows.start : rows.start + 4] = np.nan
+    assert moved_spans(replace(still, linear_acceleration=force)) == [(rows.start, rows.stop)]
     force = still.linear_acceleration.copy()
     force[rows.start] += 9.0
     assert not moved_spans(replace(still, linear_acceleration=force))

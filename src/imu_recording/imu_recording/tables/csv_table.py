@@ -27,7 +27,8 @@ LARGEST_GARBLED_SHARE = 0.01
 """Of more lines that hold what is no number, the mapping or the file is wrong."""
 MOST_GARBLED_AT_FIRST = 100
 """Such lines beyond that share after which no more are read."""
-DELIMITERS = ';\t|,'
+DELIMITERS = ',;\t|'
+"""Between the cells of a file."""
 FIRST_LINES = 50
 """Lines that tell how many cells the rows of a file without a header have."""
 Parsed = TypeVar('Parsed')

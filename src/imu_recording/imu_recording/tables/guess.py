@@ -17,8 +17,17 @@ import numpy as np
 
 from imu_recording.plausibility import rate_at_rest
 from imu_recording.recording import STANDARD_GRAVITY, BagError, FloatArray, ImuRecording
+from imu_recording.tables.column_names import (
+    NAME_PREFIX,
+    SCALAR_NAMES,
+    TIME_NAMES,
+    VECTOR_NAMES,
+    plain_name,
+    spelled_out,
+    unit_in_name,
+)
 from imu_recording.tables.csv_import import LATEST_STAMP_NS, fields_of
-from imu_recording.tables.csv_table import in_its_encoding
+from imu_recording.tables.csv_table import DELIMITERS, in_its_encoding
 from imu_recording.tables.mapping import (
     TIME_UNITS,
     UNIT_SPELLINGS,
@@ -29,30 +38,9 @@ from imu_recording.tables.mapping import (
 
 MOST_READ_LINES = 5000
 """Number of lines that are read."""
-DELIMITERS = ',;\t|'
 COMMENT_SIGNS = '#%'
 """First characters of lines above a header."""
 DECIMAL_COMMA = re.compile(r'[-+]?\d+,\d+')
-VECTOR_NAMES = {
-    'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
-    'angular_velocity': r'(ang(ular)?_?(vel(ocity)?|rate)|g(yr(o(scope)?)?)?|w|omega)',
-    'magnetic_field': r'(m(ag(net(ic(_?field)?|ometer)?)?)?|i|compass)',
-}
-"""Beginnings of the names of columns, before the axis."""
-SCALAR_NAMES = {
-    'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
-    'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
-    'chamber_temperature_2': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?_?2',
-    'device_temperature': r'(((board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?)'
-    r'|(device_?t(emp(erature)?)?))',
-    'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(eratur(e)?)?)(_?(die|imu|chip))?',
-    'humidity': r'(rh|hum(idity)?|relative_?humidity)',
-    'pressure': r'(air_?|baro(meter)?_?)?press(ure)?',
-    'heater': r'heat(er|ing)(_?(duty|state|on|power))?',
-    'compressor': r'compressor(_?(duty|state|on))?',
-    'fan': r'fan(_?(duty|state|on))?',
-    'supply_voltage': r'(v|vcc|vdd|supply|voltage)(_?voltage)?',
-}
 LARGEST_SHARES = {'1': 1.0, '%': np.inf}
 LARGEST_VALUES = {
     'humidity': LARGEST_SHARES,
@@ -63,14 +51,6 @@ LARGEST_VALUES = {
     'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
 }
 """Units of a channel that states none, in this order: each up to this greatest value."""
-TIME_NAMES = (
-    r'((sample|unix|epoch|utc|gps|ros|log|elapsed|system|local)_?)*'
-    r'(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|epoch|utc|uptime|elapsed|'
-    r'zeit(stempel)?|datum)(_?(s|sec|ms|us|ns))?'
-)
-NAME_PREFIX = r'(imu\d?|sensor|raw|data)?_?'
-NUMBERED_UNITS = {'rad': 'rad/s', 'm_s2': 'm/s²', 'ga': 'gauss'}
-"""Units in the names of PX4's topics, whose axes are numbers."""
 NORMS_IN_UNITS = {
     'linear_acceleration': {'m/s²': STANDARD_GRAVITY, 'g': 1.0, 'mg': 1000.0},
     'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
@@ -105,9 +85,9 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     header, no time, or neither a vector of a sensor nor, beside another, any channel in it.
     """
     delimiter, decimal, header, table, comment = _table(path)
-    spelled = {name: _spelled(name) for name in header}
-    names = {name: _plain(written) for name, written in spelled.items()}
-    units = {name: _unit_in(written) for name, written in spelled.items()}
+    spelled = {name: spelled_out(name) for name in header}
+    names = {name: plain_name(written) for name, written in spelled.items()}
+    units = {name: unit_in_name(written) for name, written in spelled.items()}
     columns: dict[str, Any] = {}
     unsure: list[str] = []
     values = dict(zip(header, table.T, strict=True))
@@ -248,59 +228,6 @@ def _number(cell: str) -> float:
         return float(cell)
     except ValueError:
         return np.nan
-
-
-def _spelled(name: str) -> str:
-    """Return a name whose axis is a number, or whose unit one letter, as others are written.
-
-    >>> _spelled('gyro_rad[0]'), _spelled('accelerometer_m_s2[2]'), _spelled('ax_g')
-    ('gyro_x [rad/s]', 'accelerometer_z [m/s²]', 'ax [g]')
-    >>> _spelled('temp_F'), _spelled('acc_g'), _spelled('ax [g]')
-    ('temp [°F]', 'acc_g', 'ax [g]')
-    """
-    if numbered := re.fullmatch(r'(\w+)_(rad|m_s2|ga)\[([012])\]', name):
-        return f'{numbered[1]}_{"xyz"[int(numbered[3])]} [{NUMBERED_UNITS[numbered[2]]}]'
-    if of_axis := re.fullmatch(r'(\w*[xyzXYZ])_([gT])', name):
-        return f'{of_axis[1]} [{of_axis[2]}]'
-    if of_warmth := re.fullmatch(r'(\w*t(?:emp(?:erature)?)?)_([CFK])', name, re.IGNORECASE):
-        unit = of_warmth[2].upper()
-        return f'{of_warmth[1]} [{unit if unit == "K" else "°" + unit}]'
-    return name
-
-
-def _plain(name: str) -> str:
-    """Return a name in lower case, without its unit, its parts joined by _.
-
-    >>> _plain('imu.acc.x'), _plain('Gyro X (deg/s)'), _plain('accelX'), _plain('temp_degF')
-    ('imu_acc_x', 'gyro_x', 'accel_x', 'temp')
-    """
-    bare = re.sub(r'[\[(].*?[\])]', '', name).strip()
-    first, _, last = bare.rpartition('_')
-    bare = first if first and len(last) > 1 and _known_unit(last) else bare
-    bare = re.sub(r'(?<=[a-z])(?=[A-Z])', '_', bare)
-    parts = [part for part in re.split(r'[^0-9a-zA-Z]+', bare.lower()) if part]
-    if len(parts) > 1 and len(parts[-1]) > 1 and _known_unit(parts[-1]):
-        parts.pop()
-    return '_'.join(parts)
-
-
-def _unit_in(name: str) -> str:
-    """Return what stands in brackets, or after the last _, '' where that is no unit.
-
-    >>> _unit_in('ax [g]'), _unit_in('gyro_x_dps'), _unit_in('temp'), _unit_in('acc_g')
-    ('g', 'dps', '', '')
-    """
-    bracket = re.search(r'[\[(](.*?)[\])]', name)
-    if bracket:
-        unit = bracket[1].strip()
-        return unit if unit and _known_unit(unit) else ''
-    unit = name.rpartition('_')[2] if '_' in name else ''
-    return unit if len(unit) > 1 and _known_unit(unit) else ''
-
-
-def _known_unit(word: str) -> bool:
-    listed = {unit.lower() for known in UNITS.values() for unit in known}
-    return word.lower() in {*listed, *UNIT_SPELLINGS, *TIME_UNITS}
 
 
 def _vector(names: Mapping[str, str], pattern: str) -> list[str]:

@@ -15,6 +15,8 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import gaussian_filter1d
 
+from thermal_comp.linear.differences import penalty_bands
+
 WIDTH_IN_MEANS = 8.0
 """Width of the spline in means of rows that it is fitted to, at least where rows are closer."""
 LEAST_MEANS = 40
@@ -29,7 +31,6 @@ LEAST_STIFFNESS, GREATEST_STIFFNESS = 1e-2, 1e10
 """Beyond these a spline follows every mean, or its equations are too badly conditioned."""
 LARGEST_LN_SCALE = 10.0
 """Of ln of the factor of all stiffness, either way."""
-_THIRD_DIFFERENCE: FloatArray = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 def adaptive_spline(values: FloatArray, width: float, every: int = 1) -> FloatArray | None:
@@ -81,12 +82,8 @@ def _likeliest_scale(
 def _fitted(means: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, float]:
     """Return the spline (n,) of a stiffness (n − 3,), and ln of its likelihood, σ² integrated."""
     size, stiffness = len(means), np.clip(stiffness, LEAST_STIFFNESS, GREATEST_STIFFNESS)
-    normal = np.zeros((4, size))
-    normal[3] = 1.0
-    for row, one in enumerate(_THIRD_DIFFERENCE):
-        for column in range(row, 4):
-            diagonal = normal[3 - (column - row)]
-            diagonal[column : column + size - 3] += one * _THIRD_DIFFERENCE[column] * stiffness
+    normal = penalty_bands(3, stiffness)
+    normal[-1] += 1.0
     root = cholesky_banded(normal)
     course = cho_solve_banded((root, False), means)
     squares = float(((means - course) ** 2).sum() + stiffness @ np.diff(course, 3) ** 2)

@@ -23,6 +23,9 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.special import log_ndtr
 
+from thermal_comp.data.thermometer_counts import counts_of
+from thermal_comp.linear.differences import difference, penalty_bands
+
 LEAST_HELD_SHARE = 0.6
 """Share of rows that repeat the one before, from which the noise is below the counts."""
 MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
@@ -30,17 +33,8 @@ MOST_ROWS_A_READING, ON_TIME_SHARE = 120, 0.95
 that come after whole numbers of them."""
 LEAST_MEANS, MOST_MEANS = 40, 4000
 """Number of means of rows that a course is fitted to."""
-MOST_COUNTS = 5000
-"""Counts between the lowest and the highest reading; of more one is a spike."""
 SPIKE = 5.0
 """Distance of a reading from both of its neighbours that is none of the temperature [counts]."""
-LATTICE_ROUNDS = 20
-"""Times the step of the counts is taken from all of them, first from the smallest."""
-MOST_READINGS, DECIMALS = 200_000, 4
-"""Readings that tell the counts, and decimals to which they are alike."""
-SPIKE_SHARE, LARGEST_OFF_LATTICE = 1e-3, 0.2
-"""Share of the readings at either end that may be spikes, and distance from a count that rounding
-to decimals makes [counts]."""
 LARGEST_SPAN = 1.5
 """Counts a mean extends over, from which it is as good as one of a fine thermometer."""
 FINE_NOISE = 0.1
@@ -49,7 +43,7 @@ NOISES = tuple(np.geomspace(0.000625, 0.32, 10).tolist())
 """Noise of a reading [counts]."""
 LARGEST_NOISE = 0.2
 """Noise above which the mean of the readings says as much as their counts [counts]."""
-BENDS = tuple(np.geomspace(1e-7, 1.0, 15).tolist())
+DEVIATIONS = tuple(np.geomspace(1e-7, 1.0, 15).tolist())
 """Deviations of the differences [counts]."""
 ORDERS = (3, 2)
 """Orders of the differences: of a die behind its package, and of one that air heats at once."""
@@ -63,7 +57,7 @@ MOVES = (
     (0, 0, 1),
     (0, 2, 1),
 )
-"""Steps of the search in places of NOISES, BENDS and ORDERS."""
+"""Steps of the search in places of NOISES, DEVIATIONS and ORDERS."""
 MOST_STEPS = 60
 """Of Newton's method."""
 CONVERGED = 1e-2
@@ -140,38 +134,6 @@ def coarse_course(temperature: FloatArray, counts: Sequence[float] = ()) -> Coar
     return CoarseCourse(middles, values, np.asarray(root / kelvin), kelvin)
 
 
-def counts_of(readings: FloatArray) -> tuple[float, ...]:
-    """Return the ascending counts of a thermometer [°C] by readings, those it skipped included.
-
-    Rounded to decimals they are at unequal distances. Empty of one without counts, or of a single
-    one.
-    """
-    some = readings[:: max(1, len(readings) // MOST_READINGS)]
-    some = np.round(some[np.isfinite(some)], DECIMALS)
-    if not len(some):
-        return ()
-    low, high = np.quantile(some, (SPIKE_SHARE, 1.0 - SPIKE_SHARE))
-    found = np.unique(some[(some >= low) & (some <= high)])
-    if not 2 <= len(found) <= MOST_COUNTS:
-        return ()
-    number = _on_a_lattice(found)
-    if number[-1] > MOST_COUNTS:
-        return ()
-    step, first = np.polyfit(number, found, 1)
-    if np.abs(found - first - step * number).max() > LARGEST_OFF_LATTICE * step:
-        return ()
-    return tuple(np.interp(np.arange(number[-1] + 1), number, found).tolist())
-
-
-def _on_a_lattice(found: FloatArray) -> IntArray:
-    """Return (l,) whole numbers that ascending readings are alike to, if rounded to decimals."""
-    step, number = float(np.diff(found).min()), np.zeros(len(found), np.int64)
-    for _ in range(LATTICE_ROUNDS):
-        number[1:] = np.cumsum(np.rint(np.diff(found) / step))
-        step = float(np.polyfit(number, found, 1)[0])
-    return number
-
-
 def _is_read_seldom(changes: IntArray) -> bool:
     """Tell whether a reading changes every so many rows only: it was not read in between.
 
@@ -221,14 +183,14 @@ class _Readings:
     def likeliest(self) -> tuple[float, FloatArray, FloatArray]:
         """Return the likeliest noise with its course (m,) and banded Cholesky factor (b, m)."""
         known: dict[tuple[int, int, int], tuple[FloatArray, FloatArray, float]] = {}
-        best = len(NOISES) - 2, len(BENDS) // 2, 0
+        best = len(NOISES) - 2, len(DEVIATIONS) // 2, 0
         known[best] = self.fitted(*best)
         here = None
         while best != here:
             here = best
             for move in MOVES:
                 near = here[0] + move[0], here[1] + move[1], (here[2] + move[2]) % len(ORDERS)
-                if not (0 <= near[0] < len(NOISES) and 0 <= near[1] < len(BENDS)):
+                if not (0 <= near[0] < len(NOISES) and 0 <= near[1] < len(DEVIATIONS)):
                     continue
                 if near not in known:
                     known[near] = self.fitted(*near, known[here][0])
@@ -237,13 +199,13 @@ class _Readings:
         return NOISES[best[0]], *known[best][:2]
 
     def fitted(
-        self, noise: int, bend: int, order: int, start: FloatArray | None = None
+        self, noise: int, deviation: int, order: int, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, float]:
         """Return the likeliest course (m,), its banded Cholesky factor (b, m) and ln evidence.
 
-        Of a place in NOISES, BENDS and ORDERS, from another course or as of normal noise.
+        Of a place in NOISES, DEVIATIONS and ORDERS, from another course or as of normal noise.
         """
-        prior = _Smoothness(ORDERS[order], BENDS[bend])
+        prior = _Smoothness(ORDERS[order], DEVIATIONS[deviation])
         stiff, sigma = prior.bands(len(self.means)), NOISES[noise]
         damping = UNIFORM * float(self.weight.sum(axis=1).mean())
         if start is None:
@@ -263,7 +225,7 @@ class _Readings:
                     break
             damping *= 0.1 if gain >= 0.0 else 10.0
         root = _factor(stiff, self._derivatives(course, sigma)[1])
-        free = (len(course) - prior.order) * np.log(prior.bend)
+        free = (len(course) - prior.order) * np.log(prior.deviation)
         return course, root, value - free - float(np.log(root[-1]).sum())
 
     def _log_likelihood(self, course: FloatArray, noise: float) -> float:
@@ -287,35 +249,28 @@ class _Smoothness:
     """A prior of courses: differences of an order are normal with one deviation."""
 
     order: int
-    bend: float
-    """Deviation [counts]."""
-
-    @property
-    def _difference(self) -> FloatArray:
-        """(order + 1,) weights of a difference, over its deviation."""
-        return np.asarray(np.diff(np.eye(self.order + 1), self.order, axis=0)[0] / self.bend)
+    deviation: float
+    """Of a difference from one mean to the next [counts]."""
 
     def penalty(self, course: FloatArray) -> float:
         """Return −ln of the prior of a course, but for a constant."""
-        return 0.5 * float(((np.diff(course, self.order) / self.bend) ** 2).sum())
+        return 0.5 * float(((np.diff(course, self.order) / self.deviation) ** 2).sum())
 
     def slope(self, course: FloatArray) -> FloatArray:
         """Return the (m,) slope of the penalty."""
-        differences = np.diff(course, self.order) / self.bend
-        return np.asarray(np.convolve(differences, self._difference))
+        differences = np.diff(course, self.order) / self.deviation**2
+        return np.asarray(np.convolve(differences, difference(self.order)))
 
     def bands(self, size: int) -> FloatArray:
         """Return the upper bands (order + 1, m) of the matrix of the penalty."""
-        bands = np.zeros((self.order + 1, size))
-        for row, one in enumerate(self._difference):
-            for column in range(row, self.order + 1):
-                place = self.order - (column - row)
-                bands[place, column : column + size - self.order] += one * self._difference[column]
-        return bands
+        return penalty_bands(self.order, np.full(size - self.order, self.deviation**-2))
 
 
 def _bounds(offset: FloatArray, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ln P of a reading `offset` above the temperature, −d/dT², d/dT of it [counts]."""
+    """Return ln P of a reading `offset` above the temperature T, d ln P/dT and −d² ln P/dT².
+
+    All (m,), in counts.
+    """
     low, high = (offset - 0.5) / noise, (offset + 0.5) / noise
     # Mirrored to the left tail, where ln Φ keeps its digits.
     sign = np.where(offset > 0.0, -1.0, 1.0)

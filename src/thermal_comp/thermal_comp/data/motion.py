@@ -187,14 +187,19 @@ class _Means:
     def ends(self, values: FloatArray, starts: IntArray) -> NDArray[np.bool_]:
         """Return the (m,) means before the first and after the last that is near what is usual.
 
-        So are most of their samples `values` (n, 3), of which there are some: a spike is none.
+        So are most of their samples `values` (n, 3), of which there are some: a spike is none, and
+        slower than LEAST_ROWS a second nothing is told.
         """
-        far = (self.distance > LEAST_FORCE_CHANGE * self.norm) & (np.diff(starts) >= LEAST_ROWS)
-        ends = np.logical_and.accumulate(far) | np.logical_and.accumulate(far[::-1])[::-1]
+        least, known = LEAST_FORCE_CHANGE * self.norm, np.isfinite(self.usual).all(axis=1)
+        near = np.flatnonzero(known & (self.distance <= least))
+        if not len(near):
+            return np.zeros(len(known), dtype=bool)
+        ends = known.copy()
+        ends[near[0] : near[-1] + 1] = False
         for place in np.flatnonzero(ends):
             rows = values[starts[place] : starts[place + 1]]
-            apart = np.linalg.norm(rows - self.usual[place], axis=1)
-            ends[place] = np.mean(apart > LEAST_FORCE_CHANGE * self.norm) > 0.5
+            apart = np.linalg.norm(rows[np.isfinite(rows).all(axis=1)] - self.usual[place], axis=1)
+            ends[place] = len(apart) >= LEAST_ROWS and np.mean(apart > least) > 0.5
         return ends
 
 

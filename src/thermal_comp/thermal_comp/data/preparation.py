@@ -18,7 +18,6 @@ from imu_recording.recording import (
 from imu_recording.synchronise import longest_stretch
 
 from thermal_comp.data.blocks import block_length, in_blocks, in_common_blocks
-from thermal_comp.data.coarse_thermometer import counts_of
 from thermal_comp.data.conditions import (
     SENSORS,
     Conditions,
@@ -41,6 +40,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.rounding import Rounding
 from thermal_comp.data.startup import cut_startup
+from thermal_comp.data.thermometer_counts import counts_of
 
 Truth = Callable[[ImuRecording], Conditions]
 """How the true inputs of a run follow from its recording."""
@@ -49,6 +49,7 @@ HEADINGS_FOUND = (
     'the mean magnetic fields say how the device was turned about the vertical from run to run: '
     'by right angles other than those of the usual fixture'
 )
+"""Note on the first run of a campaign."""
 
 
 def prepare(

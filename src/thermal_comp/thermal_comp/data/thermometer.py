@@ -24,7 +24,7 @@ from imu_recording.thermometer import (
 )
 
 from thermal_comp.data.defective_rows import BoolArray
-from thermal_comp.data.rounding import some_rows
+from thermal_comp.data.rounding import coarse_counts, some_rows
 from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 
@@ -158,16 +158,11 @@ def stuck_temperature(recording: ImuRecording) -> BoolArray:
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
     long = np.flatnonzero(np.diff(edges) >= FEWEST_MEASUREMENTS)
     if len(long):
-        dies, least = _possible_dies(recording), LEAST_DIE_CHANGE_K + _count(values)
+        dies = _possible_dies(recording)
+        least = LEAST_DIE_CHANGE_K + float(coarse_counts(values[:, None])[0])
         for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
             stuck[start:stop] = _would_move(dies, recording.time[[start, stop - 1]], least)
     return stuck & np.isfinite(values)
-
-
-def _count(values: FloatArray) -> float:
-    """Return the least change of a thermometer [K]."""
-    changes = np.abs(np.diff(values[np.isfinite(values)]))
-    return float(changes.min(where=changes > 0.0, initial=1.0))
 
 
 def _possible_dies(recording: ImuRecording) -> list[tuple[FloatArray, FloatArray]]:
