@@ -30,6 +30,25 @@ def whole(x):
 print(whole(2.0), len(compiled_here()))
 """
 
+SAVED_WHILE_HELD = """
+import fcntl
+from pathlib import Path
+cache = whole._cache._cache_file
+index = cache._load_index
+
+def looked_up():
+    for path in Path(__file__).parent.rglob('saving.lock'):
+        with path.open('a') as other:
+            try:
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                print('held')
+    return index()
+
+cache._load_index = looked_up
+whole(2)
+"""
+
 
 def write(folder: Path, *, factor: float = 3.0, offset: float = 1.0) -> None:
     (folder / 'constant.py').write_text(CONSTANT.format(offset=offset))
@@ -55,6 +74,13 @@ def test_a_change_anywhere_in_what_was_compiled_in_is_seen(tmp_path: Path) -> No
     assert run(tmp_path) == '9.0 1'
     write(tmp_path, factor=4.0, offset=2.0)
     assert run(tmp_path) == '10.0 1'
+
+
+def test_no_two_processes_save_a_kernel_at_once(tmp_path: Path) -> None:
+    """Each would give its code the next free name in the index, and run that of the other."""
+    write(tmp_path)
+    (tmp_path / 'whole.py').write_text(WHOLE + SAVED_WHILE_HELD)
+    assert run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path)).endswith('held')
 
 
 def test_kernels_run_where_nothing_can_be_written(tmp_path: Path) -> None:

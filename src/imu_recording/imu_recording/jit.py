@@ -8,6 +8,7 @@ its own.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import inspect
 import os
@@ -50,8 +51,26 @@ def njit(function: Any = None, **options: Any) -> Any:
         kernel = numba.njit(**options)(function)
     finally:
         numba.config.CACHE_DIR = chosen
+    if folder:
+        _save_one_at_a_time(kernel._cache._cache_file, Path(folder) / 'saving.lock')
     _KERNELS.append(kernel)
     return kernel
+
+
+def _save_one_at_a_time(cache: Any, lock: Path) -> None:
+    """Let no two processes save a kernel for different types of arguments at once.
+
+    numba takes the next free name for the code and then writes it into an index: two processes
+    that do so together give the code of both the same name, and one runs that of the other.
+    """
+    save = cache.save
+
+    def save_alone(key: Any, data: Any) -> None:
+        with lock.open('a') as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            save(key, data)
+
+    cache.save = save_alone
 
 
 def inline(**options: Any) -> Callable[[F], F]:
