@@ -311,7 +311,7 @@ def _alternatives(
     log_prior = priors.flaw_log_prior(float(np.sqrt(explained)))
 
     def gain(term: ColumnGroup) -> tuple[float, float]:
-        return gain_of(state, FlexibleFunction(term, log_prior), beside=True)
+        return gain_of(state, FlexibleFunction(term, log_prior))
 
     variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
     singles = sorted(((gain(term), term) for term in variables), key=lambda pair: -pair[0][0])

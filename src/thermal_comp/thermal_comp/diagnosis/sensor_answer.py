@@ -19,7 +19,7 @@ from thermal_comp.diagnosis.evidence.effect_sets import (
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import Explanation, probability
 from thermal_comp.diagnosis.evidence.set_fit import fitted_set
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.model.values import NoiseModel
 
 MISSING_PROBABILITY = 0.85
@@ -141,15 +141,17 @@ class SensorAnswer:
     def closest(self) -> tuple[Effect, ...]:
         """Effects most like an unexplained residual; () where one is named.
 
-        Where nothing is missing: the effect that the thermometer's own errors look like.
+        The one that the thermometer's own errors look like, where these explain more.
         """
         if self.kind == 'named':
             return ()
-        if self.kind == 'complete':
-            return like_the_thermometer(self.hypotheses, self.sets)
         best = max(self.sets, key=lambda s: s.log_posterior)
-        effects = (c.form.effect for c in best.components)
-        return tuple(effect for effect in effects if not effect.guessed_channel)
+        components = () if self.kind == 'complete' else best.components
+        effects = (c.form.effect for c in components)
+        likest = tuple(effect for effect in effects if not effect.guessed_channel)
+        if components and best.explained > self.hypotheses.explained_by_thermometer:
+            return likest
+        return joined_effects([*likest, *like_the_thermometer(self.hypotheses, self.sets)])
 
 
 def _with_name(names: Names, name: str) -> Names:

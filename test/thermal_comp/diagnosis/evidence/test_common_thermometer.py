@@ -90,7 +90,7 @@ def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> N
 
 def test_others_tell_with_the_flaw_that_agrees_with_what_a_sensor_sees() -> None:
     """A drift that looked like a thermometer's error made "humidity" of a sensor without one."""
-    deviation = priors.thermometer_deviations(60.0)
+    deviation = priors.thermometer_deviations(60.0, 14)
     precision = np.diag((100.0 / deviation) ** 2)
     told = Information(precision, precision @ (0.5 * deviation))
     limited = {}

@@ -69,11 +69,14 @@ def test_what_stands_already_adds_nothing_and_what_lacks_has_its_size() -> None:
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
     nothing = answer.hypotheses.conditioned(())
     explained = answer.hypotheses.explained(lag.components, ())
-    gain, amplitude = gain_of(nothing, FlexibleFunction(term, flat), beside=True)
+    gain, amplitude = gain_of(nothing, FlexibleFunction(term, flat))
     assert gain == pytest.approx(0.5 * explained, rel=0.5)
     assert 0.4 < amplitude / np.sqrt(explained / 3.0) < 2.5  # of one axis, steps of two
     assert (
-        gain_of(answer.hypotheses.conditioned(lag.components), FlexibleFunction(term, flat))[0]
+        gain_of(
+            answer.hypotheses.conditioned(lag.components),
+            FlexibleFunction(term, flat, beside=False),
+        )[0]
         < 1.0
     )
 
@@ -84,11 +87,9 @@ def test_what_explains_more_than_a_flaw_may_does_not_count() -> None:
     (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
     nothing = answer.hypotheses.conditioned(())
     size = float(np.sqrt(answer.hypotheses.explained(lag.components, ())))
-    free = gain_of(nothing, FlexibleFunction(term, flat), beside=True)[0]
-    assert gain_of(nothing, FlexibleFunction(term, flat, 2.0 * size), beside=True)[
-        0
-    ] == pytest.approx(free)
-    assert gain_of(nothing, FlexibleFunction(term, flat, 0.3 * size), beside=True)[0] < 0.8 * free
+    free = gain_of(nothing, FlexibleFunction(term, flat))[0]
+    assert gain_of(nothing, FlexibleFunction(term, flat, 2.0 * size))[0] == pytest.approx(free)
+    assert gain_of(nothing, FlexibleFunction(term, flat, 0.3 * size))[0] < 0.8 * free
 
 
 def test_another_effect_is_no_flaw_of_one_that_explains_nothing() -> None:
@@ -148,6 +149,8 @@ def test_the_evidence_of_a_function_of_many_coefficients_is_that_of_a_dense_grid
         dense = np.geomspace(priors.AMPLITUDES[0], priors.AMPLITUDES[-1], 2401)
         each = state.evidences(np.arange(width)[None], dense, shared=False)[0][0]
         expected = log_sum(each - state.log_evidence + even[0] - np.log(200.0))
-        gain, best = gain_of(state, FlexibleFunction(ColumnGroup(tuple(range(width))), even))
+        gain, best = gain_of(
+            state, FlexibleFunction(ColumnGroup(tuple(range(width))), even, beside=False)
+        )
         assert gain == pytest.approx(expected, abs=2.0)
         assert best == pytest.approx(dense[int(np.argmax(each))], rel=0.2)

@@ -7,8 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
+from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
-from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors, lost_channels
+from thermal_comp.diagnosis.evidence.generic_regressors import (
+    BAND_PIECES,
+    generic_regressors,
+    lost_channels,
+)
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations
 from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
@@ -52,6 +57,17 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
     asked = {r.depends_on for r in generic_regressors(design, EFFECTS) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
+
+
+def test_a_line_is_one_of_as_many_bands_as_were_looked_through() -> None:
+    wave = np.multiply.outer(np.cos(2.0 * np.pi * TIME / 130.0), SIZE)
+    runs = prepare([run(seed=1, cycles=3, period=20.0, error={'angular_velocity': wave})])
+    noise = fit_noise(runs, 'gyroscope')
+    lines = {'gyroscope': spectral_lines(runs, 'gyroscope')}
+    design = CandidateDesign(ColumnSource(runs, lines), 'gyroscope', noise, [BiasTemperature()])
+    places = {r.depends_on: r.places for r in generic_regressors(design, EFFECTS)}
+    assert places.pop('frequency') == pytest.approx(np.ptp(TIME) / 40.0 / BAND_PIECES, rel=0.01)
+    assert set(places.values()) == {1.0}
 
 
 def test_a_lost_channel_of_a_user_s_effect_is_suspected_on_its_sensor() -> None:

@@ -72,6 +72,21 @@ def test_a_die_that_moves_while_its_thermometer_stands_is_no_effect() -> None:
     assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
 
 
+def test_a_board_thermometer_that_is_fixed_anew_for_each_pose_tells_another_time() -> None:
+    """Beside a die thermometer that lags by 25 s and sticks it is the best there is."""
+    _, die, _, _ = chamber()
+    read = stuck(lagging(die, 25.0, PERIOD), 0.1)
+    steep = {'linear_acceleration': np.outer(die - 20.0, 2.0 * SLOPES['linear_acceleration'])}
+    campaign = []
+    for seed, (up, behind_board) in enumerate([('-x', 5.0), ('-z', 19.0), ('-y', 12.0)], start=20):
+        noise = np.random.default_rng(seed).normal(0.0, 0.02, len(read))
+        board = lagging(die, behind_board, PERIOD)
+        plain = run(up, seed=seed, error=steep, noise=0.3)
+        campaign.append(replace(plain, temperature=read + noise, device_temperature=board))
+    diagnosis = diagnose(measured_by(campaign, 'accelerometer'))
+    assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []
+
+
 def test_a_die_that_warms_itself_shows_where_its_thermometer_stands_before_a_ramp() -> None:
     # A die only in the air would leave it in the middle of its hysteresis until then.
     time, temperature, _, _ = chamber()

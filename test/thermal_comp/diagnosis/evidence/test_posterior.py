@@ -188,6 +188,14 @@ def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> No
     assert said.kind == 'unlogged'
 
 
+def test_steps_of_what_is_switched_are_no_law_of_a_channel_that_was() -> None:
+    """Four steps, one of which a fan happens to share."""
+    time = chamber()[0]
+    on = ((time > 8000.0) & (time < 14_000.0)) | ((time > 29_000.0) & (time < 38_000.0))
+    said = said_of(6e-4 * on, tuple(EFFECTS), fan=(time > 29_000.0).astype(float))
+    assert said.kind == 'unlogged'
+
+
 @pytest.mark.long
 def test_an_effect_beside_a_supply_that_was_not_logged_keeps_its_name() -> None:
     time, temperature, *_ = chamber()

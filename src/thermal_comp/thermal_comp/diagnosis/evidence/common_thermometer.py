@@ -128,7 +128,7 @@ def _log_evidence(told: Information) -> float:
     """Return ln of the evidence that integrating over the thermometer's errors adds."""
     parts = []
     for seconds, probability in priors.THERMOMETER_LAGS_S:
-        deviation = priors.thermometer_deviations(seconds)
+        deviation = priors.thermometer_deviations(seconds, len(told.right))
         inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
         right = told.right * deviation
         gain = 0.5 * right @ np.linalg.solve(inner, right) - 0.5 * np.linalg.slogdet(inner)[1]
@@ -141,7 +141,8 @@ def _with_limited_precision(told: Information, share: float) -> Information:
 
     Its columns describe a thermometer only approximately.
     """
-    deviation = priors.thermometer_deviations(max(s for s, _ in priors.THERMOMETER_LAGS_S))
+    most = max(seconds for seconds, _ in priors.THERMOMETER_LAGS_S)
+    deviation = priors.thermometer_deviations(most, len(told.right))
     inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
     mean = deviation * np.linalg.solve(inner, told.right * deviation)
     spread = np.diag(np.square(share * np.maximum(abs(mean), 0.1 * deviation)))

@@ -13,7 +13,10 @@ from scipy.interpolate import CubicSpline
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
-from thermal_comp.diagnosis.evidence.generic_regressors import RATE_PER_ORIENTATION
+from thermal_comp.diagnosis.evidence.generic_regressors import (
+    RATE_PER_ORIENTATION,
+    GenericRegressor,
+)
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
@@ -51,6 +54,8 @@ class FlexibleFunction:
     """(s,) ln of the prior over AMPLITUDES."""
     largest: float = np.inf
     """√Δχ² beyond which it does not count."""
+    beside: bool = True
+    """Whether its size is that of what it adds beside all else, not of the function by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +105,7 @@ def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedD
     explained = explained_by_equations(hypotheses, some)
     size, largest = priors.flaw_log_prior(explained), priors.LARGEST_FLAW_SHARE * explained
     function = FlexibleFunction(hypotheses.discrepancy, size, largest)
-    return gain_of(state, function, beside=True)[0]
+    return gain_of(state, function)[0]
 
 
 def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -149,7 +154,7 @@ def _flaw(
     of_laws = _explained_by_laws(hypotheses, whole)
     likeness = priors.flaw_log_prior(of_laws, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     functions = _functions(hypotheses, one)
-    single = gains_together(hypotheses, some, one.state, functions, beside=True)
+    single = gains_together(hypotheses, some, one.state, functions)
     if whole.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, whole)
@@ -245,11 +250,22 @@ def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFun
         if variable in HISTORY_VARIABLES - left_out or regressor.name == RATE_PER_ORIENTATION:
             sizes.append(of_thermometer)
         if (size := max(sizes, default=0.0)) > 0.0:
-            log_prior = priors.flaw_log_prior(size)
+            log_prior = priors.flaw_log_prior(size) - log_places(regressor, some)
             comes_and_goes = of_lines and variable == 'frequency'
             largest = np.inf if comes_and_goes else priors.LARGEST_FLAW_SHARE * size
-            found.append(FlexibleFunction(regressor.term, log_prior, largest))
+            # The thermometer's lag leaves little of a rate: its size is that before it.
+            beside = regressor.name != RATE_PER_ORIENTATION
+            found.append(FlexibleFunction(regressor.term, log_prior, largest, beside))
     return found
+
+
+def log_places(regressor: GenericRegressor, some: EffectSet) -> float:
+    """Return ln of the number of places of which a regressor's is the best.
+
+    Beside a set with a spectral line it is known.
+    """
+    known = any(c.form.effect.line_frequency is not None for c in some.components)
+    return 0.0 if known else float(np.log(regressor.places))
 
 
 def gains_together(
@@ -258,14 +274,13 @@ def gains_together(
     state: ConditionedDesign,
     functions: Sequence[FlexibleFunction],
     *,
-    beside: bool = False,
     known: tuple[CoefficientPrior, ...] = (),
 ) -> list[float]:
     """Return ln of the evidence each flexible function adds; the best with others beside it.
 
     What acts rarely follows one variable alone: another may stand beside the best, and so on.
     """
-    each = [gain_of(state, function, beside=beside) for function in functions]
+    each = [gain_of(state, function) for function in functions]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains)) if gains else 0
     if (
@@ -274,28 +289,26 @@ def gains_together(
         and len(known) + 1 < MOST_JOINT_FUNCTIONS
     ):
         columns, width = functions[place].term.columns, each[place][1]
-        if beside:
+        if functions[place].beside:
             width /= np.sqrt(state.power(columns))
         best = CoefficientPrior(columns, shared=False, deviation=np.full(len(columns), width))
         with_best = (*known, best)
         after = hypotheses.conditioned(some.components, with_best)
         others = [function for function in functions if function is not functions[place]]
-        further = gains_together(hypotheses, some, after, others, beside=beside, known=with_best)
+        further = gains_together(hypotheses, some, after, others, known=with_best)
         more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT_PROBABILITY / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
     return gains
 
 
-def gain_of(
-    state: ConditionedDesign, function: FlexibleFunction, *, beside: bool = False
-) -> tuple[float, float]:
-    """Return ln of the evidence a flexible function adds and its best amplitude.
-
-    `beside`: the amplitude is that of all that the function adds.
-    """
+def gain_of(state: ConditionedDesign, function: FlexibleFunction) -> tuple[float, float]:
+    """Return ln of the evidence a flexible function adds and its best amplitude."""
     term = function.term
     evidence, explained = state.evidences(
-        np.array([term.columns]), np.exp(_FINE_LOG_SIZES), shared=term.shared, beside=beside
+        np.array([term.columns]),
+        np.exp(_FINE_LOG_SIZES),
+        shared=term.shared,
+        beside=function.beside,
     )
     log_prior = np.interp(_FINEST_LOG_SIZES, _LOG_SIZES, function.log_prior) - 2.0 * np.log(
         STEPS_BETWEEN_AMPLITUDES

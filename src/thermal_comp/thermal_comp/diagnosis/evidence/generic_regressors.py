@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -20,7 +20,7 @@ from thermal_comp.data.acting_channels import (
     channel_label,
 )
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.data.spectral_lines import SpectralLine
+from thermal_comp.data.spectral_lines import SpectralLine, frequencies_told_apart
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -53,6 +53,8 @@ class GenericRegressor:
     """Unlogged channel that would cause such a dependence; '' for a law of what was logged."""
     suspect: str = ''
     """Lost channel that may have the same course by chance; '' for none."""
+    places: float = 1.0
+    """Number of such functions, side by side, of which it follows the residual best."""
 
     @property
     def may_be_law(self) -> bool:
@@ -116,10 +118,12 @@ def generic_regressors(
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
     functions = [(function, per_run) for _, _, function, per_run in made]
     terms = design.generic_terms(functions, runs=runs)
-    return [
+    found = [
         _regressor(design, depends_on, name, term, lost)
         for (depends_on, name, _, _), term in zip(made, terms, strict=True)
     ]
+    bands = max(frequencies_told_apart(design.source.runs) / BAND_PIECES, 1.0)
+    return [replace(r, places=bands) if r.depends_on == 'frequency' else r for r in found]
 
 
 def _courses_of_power(design: CandidateDesign) -> list[str]:

@@ -7,7 +7,7 @@ the base model that the axes share.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
 from typing import TypeAlias
@@ -28,6 +28,7 @@ from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.columns import LEAST_NEW_LENGTH
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
+from thermal_comp.noise.kept_results import kept
 
 Response: TypeAlias = Callable[[PreparedRun, FloatArray], FloatArray]
 """What errors (n, q) of the temperature [K] do to the block means of a run, (m, 3, q) [unit]."""
@@ -59,7 +60,8 @@ def nuisance_priors(
     for (excess, power, noisy), (seconds, slack) in product(
         priors.SLOW_NOISE_RATIOS, priors.THERMOMETER_LAGS_S
     ):
-        deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
+        deviation = priors.thermometer_deviations(seconds, len(thermometer.columns))
+        deviation = deviation * design.size_of(thermometer)
         allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
         allowed += always
         if excess > 0.0:
@@ -123,21 +125,28 @@ def errors_by_slope(design: CandidateDesign, response: Response) -> dict[str, Fl
     """Return by run (m, 3, q) what the errors of the die thermometer do; axes share coefficients.
 
     They are its lag (first and second order), slow nodes, hysteresis of the reading and of a die
-    in the air, shares of the temperatures of air and board and of a die that follows them,
-    transients after power-on, with the priors of priors.thermometer_deviations(). `response` says
-    what an error does.
+    in the air, transients after power-on, and of each run alone shares of the temperatures of air
+    and board and of a die that follows them: their thermometers are fixed anew where a device is
+    turned. Priors: priors.thermometer_deviations(). `response` says what an error does.
     """
-    return {run.name: response(run, _possible_errors(run)) for run in design.source.smoothed}
+    runs = design.source.smoothed
+    return {
+        run.name: response(run, errors)
+        for run, errors in zip(runs, _possible_errors(runs), strict=True)
+    }
 
 
-def _possible_errors(run: PreparedRun) -> FloatArray:
-    """(n, q) errors of the thermometer in a run, one of each kind."""
-    parts = [
-        temperature_history(run),
-        _hysteresis_and_places(run.conditions),
-        _settling(run.conditions),
-    ]
-    return np.concatenate(parts, axis=1)
+@kept
+def _possible_errors(runs: Sequence[PreparedRun]) -> list[FloatArray]:
+    """Return by run the (n, q) errors of the thermometer, one of each kind."""
+    found = []
+    for run in runs:
+        conditions = run.conditions
+        parts = [temperature_history(run), _hysteresis(conditions), _settling(conditions)]
+        others = _by_other_thermometers(conditions)
+        parts += [others if other is run else np.zeros_like(others) for other in runs]
+        found.append(np.concatenate(parts, axis=1))
+    return found
 
 
 def _settling(conditions: Conditions) -> FloatArray:
@@ -146,12 +155,8 @@ def _settling(conditions: Conditions) -> FloatArray:
     return np.asarray(np.exp(-since[:, None] / np.array(priors.THERMOMETER_SETTLING_S)))
 
 
-def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
-    """(n, q) plays about the reading, one about a die in the air; others − reading [K].
-
-    The others are air, board, and a die that follows them as the reading does. Where the air's
-    temperature was not logged it is guessed from the humidity; of what is not known at all the
-    difference is zero.
+def _hysteresis(conditions: Conditions) -> FloatArray:
+    """(n, q) plays about the reading, one about a die in the air [K].
 
     Plays of several widths together are any hysteresis (Prandtl–Ishlinskii). That about a die in
     the air counts in dwells: the die follows the swings of the air's control, which are smaller
@@ -164,12 +169,21 @@ def _hysteresis_and_places(conditions: Conditions) -> FloatArray:
     if air is not None:
         die = _die_in(air, conditions)
         unseen = play(die, max(widths))[0] - die
-    else:
-        air = _air_by_humidity(conditions)
+    return np.stack([*behind, unseen], axis=1)
+
+
+def _by_other_thermometers(conditions: Conditions) -> FloatArray:
+    """(n, 3) temperatures of air, board, and a die that follows them, less the reading [K].
+
+    Where the air's temperature was not logged it is guessed from the humidity; of what is not
+    known at all the difference is zero.
+    """
+    temperature, air = conditions.temperature, conditions.chamber_temperature
+    air = _air_by_humidity(conditions) if air is None else air
     board = conditions.device_temperature
     board = temperature if board is None else board
-    others = [air, board, _die_by_other_thermometers(conditions)]
-    return np.stack([*behind, unseen, *(other - temperature for other in others)], axis=1)
+    die = _die_by_other_thermometers(conditions)
+    return np.stack([air - temperature, board - temperature, die - temperature], axis=1)
 
 
 def _die_by_other_thermometers(conditions: Conditions) -> FloatArray:

@@ -122,18 +122,18 @@ SHAPE_STEP_LN = 0.3
 """Distance of neighbouring forms on a search grid, in ln of the shape parameter."""
 
 
-def thermometer_deviations(lag: float) -> FloatArray:
-    """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
+def thermometer_deviations(lag: float, columns: int) -> FloatArray:
+    """Return (columns,) standard deviations of the first of the thermometer's errors.
 
     They are lag [s], its square [s²], what it follows slowly [K/K], plays of its hysteresis
-    [K/K], the widest about a die that follows the air [K/K], shares of air and board and of a die
-    that follows them [K/K], transients [K].
+    [K/K], the widest about a die that follows the air [K/K], transients [K], and for each run
+    the shares of air and board and of a die that follows them [K/K].
     """
     plays = [1.0] * (len(THERMOMETER_HYSTERESIS_K) + 1)
     parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
     shares = [lag / THERMOMETER_AIR_S, min(lag / THERMOMETER_BOARD_S, 1.0), OTHER_THERMOMETERS_STD]
-    return np.array([lag, lag**2, *parts, *plays, *shares, *transients])
+    return np.array([lag, lag**2, *parts, *plays, *transients, *(columns * shares)])[:columns]
 
 
 def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO_LN) -> FloatArray:

@@ -26,6 +26,7 @@ from thermal_comp.diagnosis.evidence.flaws import (
     exact_weight,
     gain_of,
     gains_together,
+    log_places,
     log_prior_at,
     may_be_flawed,
     size_of_gain,
@@ -68,7 +69,7 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     if measured:
         own_error = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
         errors = [FlexibleFunction(r.term, own_error) for r in measured]
-        each = [gain_of(state, error, beside=True)[0] for error in errors]
+        each = [gain_of(state, error)[0] for error in errors]
         share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
         found.append(Remainder('flaw', None, log_sum(each) + share))
     gains = [
@@ -77,7 +78,7 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unnamed_causes(hypotheses, some, gains, course)
-    found += _common_cause_of_steps(hypotheses, some, weight)
+    found += _common_cause_of_steps(hypotheses, some, found)
     found += _unseen_twins(hypotheses, some, weight)
     return found + _other_causes(some, weight)
 
@@ -155,26 +156,35 @@ def _subsets(names: Sequence[str]) -> Iterator[Names]:
 
 
 def _common_cause_of_steps(
-    hypotheses: SensorHypotheses, some: EffectSet, weight: float
+    hypotheses: SensorHypotheses, some: EffectSet, found: Sequence[Remainder]
 ) -> list[Remainder]:
-    """Return what speaks for one cause of the several steps of a set; `weight`: the set's.
+    """Return what speaks for one cause of the several steps of a set, beside what was `found`.
 
     A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
-    bias jumps between levels by itself (random telegraph noise), which is no effect.
+    bias jumps between levels by itself (random telegraph noise), which is no effect. Of the two
+    without a name that act together the lost channel is told.
     """
     name, steps = max(Counter(some.names).items(), key=lambda pair: pair[1], default=('', 0))
     if steps < 2:
         return []
-    known = _names_without(some, name)
     size = len(some.names)
-    once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
+    once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
     jumps = priors.NOT_IN_CATALOGUE_PROBABILITY * priors.JUMPS_BY_ITSELF_PROBABILITY
-    found = [Remainder(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
+    causes = [(NOT_IN_CATALOGUE, 'time', jumps)]
     if lost := hypotheses.lost_over_time:
-        found.append(
-            Remainder(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED_PROBABILITY)), known)
+        causes.append((UNLOGGED, lost, priors.UNLOGGED_PROBABILITY))
+    known = _names_without(some, name)
+    return [
+        replace(
+            b if b.kind == UNLOGGED else Remainder(kind, channel, b.log_weight),
+            log_weight=b.log_weight + once + float(np.log(probability)),
+            believed=known
+            if b.kind in {'', 'flaw'}
+            else tuple(n for n in b.believed if n != name),
         )
-    return found
+        for kind, channel, probability in causes
+        for b in found
+    ]
 
 
 def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[Remainder]:
@@ -214,7 +224,9 @@ def _log_gains(
 ) -> list[tuple[GenericRegressor, float]]:
     """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
     regressors = hypotheses.regressors
-    functions = [FlexibleFunction(r.term, amplitude) for r in regressors]
+    functions = [
+        FlexibleFunction(r.term, amplitude - log_places(r, some), beside=False) for r in regressors
+    ]
     gains = gains_together(hypotheses, some, state, functions)
     return list(zip(regressors, gains, strict=True))
 

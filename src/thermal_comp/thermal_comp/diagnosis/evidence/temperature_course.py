@@ -64,9 +64,9 @@ class TemperatureCourse:
         measured = np.concatenate([run.measured[self.design.sensor][ok] for run, ok in pairs])
         measured = measured @ self.design.axes
         width = 2 * len(runs)
-        history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
         allowed = np.full(stacked.shape[1] - width, priors.SLOPE_CHANGE_STD * self.span)
-        allowed[2:] = history[: len(allowed) - 2]
+        most = priors.THERMOMETER_LAGS_S[-1][0]
+        allowed[2:] = priors.thermometer_deviations(most, len(allowed) - 2)
         answer = np.empty((stacked.shape[1], 3))
         for axis in range(3):
             further = np.zeros((len(stacked), 0)) if beside is None else beside[:, axis]
