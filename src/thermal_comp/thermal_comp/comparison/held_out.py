@@ -11,6 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -20,7 +21,6 @@ from thermal_comp.linear.normal_equations import Solution, solve
 from thermal_comp.linear.whitening import apply_transposed
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.covariance import block_variances, noise_product
-from thermal_comp.noise.kept_results import kept
 
 LEAST_POWER_SHARE = 0.02
 """Share of a column's power in the rest of the runs below which they do not determine its

@@ -21,6 +21,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 
 MOST_LINES = 3
@@ -79,6 +80,7 @@ class _Series:
     """(n,) its integral over time [K·s]."""
 
 
+@kept
 def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[SpectralLine]:
     """Return the most prominent lines, strongest first."""
     step = _distance_of_rows(runs)

@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 from thermal_comp.data.blocks import in_search_blocks
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.data.spectral_lines import SpectralLine
+from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component
@@ -131,13 +131,14 @@ def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> Thermal
     shaped = {s: part for s, part in known.items() if any(map(_form_limits, part.effects))}
     if not shaped:
         return model
-    lines = [
+    named = [
         SpectralLine(effect.line_frequency, 0.0)
         for part in shaped.values()
         for effect in part.effects
         if effect.line_frequency is not None
     ]
-    source = ColumnSource(in_search_blocks(runs, lines))
+    lines = {sensor: spectral_lines(runs, sensor) for sensor in shaped}
+    source = ColumnSource(in_search_blocks(runs, named), lines)
     widened: dict[str, SensorModel] = {s: _of_sensor(source, s, p) for s, p in shaped.items()}
     return replace(model, sensors={**model.sensors, **widened})
 

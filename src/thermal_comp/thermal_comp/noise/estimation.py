@@ -13,13 +13,13 @@ from scipy.special import chdtrc
 
 from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import LEAST_NEW_LENGTH, orthonormal, project_out
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.covariance import noise_product
 from thermal_comp.noise.jumps import basis_with_jumps
-from thermal_comp.noise.kept_results import kept
 from thermal_comp.noise.process import ResidualSpectrum, correlation_times, project_spectra
 from thermal_comp.noise.projection import (
     LEAST_BLOCKS,

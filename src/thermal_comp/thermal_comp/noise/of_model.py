@@ -17,12 +17,12 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.covariance import block_variances, expected_square
 from thermal_comp.noise.estimation import saturated_model
-from thermal_comp.noise.kept_results import kept
 from thermal_comp.noise.process import ResidualSpectrum
 from thermal_comp.noise.projection import LEAST_BLOCKS, not_followed, projection_of
 from thermal_comp.noise.saturated_model import SaturatedModel

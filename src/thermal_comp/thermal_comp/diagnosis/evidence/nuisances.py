@@ -16,6 +16,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.smoothing import errors_between_counts
 from thermal_comp.diagnosis.evidence import priors
@@ -28,7 +29,6 @@ from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.columns import LEAST_NEW_LENGTH
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
-from thermal_comp.noise.kept_results import kept
 
 Response: TypeAlias = Callable[[PreparedRun, FloatArray], FloatArray]
 """What errors (n, q) of the temperature [K] do to the block means of a run, (m, 3, q) [unit]."""

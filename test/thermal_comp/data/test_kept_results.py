@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_drift import BiasDrift
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.kept_results import kept
 
 from ..campaign import run
 
@@ -44,10 +44,11 @@ def test_a_result_is_computed_once_for_runs_effects_and_noise() -> None:
         answer([other, one], line, noise=NOISE),
         answer([one, other], {'gyroscope': [BiasDrift()]}, noise=NOISE),
         answer([one, other], line, noise=replace(NOISE, white=2.0 * NOISE.white)),
+        answer([one, other], line, noise=replace(NOISE, white_factors={one.name: 2.0})),
     ]
     one.measured['gyroscope'][0] += 1.0
     further.append(answer([one, other], line, noise=NOISE))
-    assert len({first, *further}) == 6
+    assert len({first, *further}) == 7
 
 
 def test_nothing_keeps_the_runs() -> None:

@@ -8,12 +8,14 @@ a step computes of the runs, the step before has computed.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from functools import wraps
 from typing import Any, Concatenate, cast
 from weakref import WeakKeyDictionary, ref
 
+import numpy as np
+
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.model.values import NoiseModel
 
 
 def kept[**P, T](
@@ -42,11 +44,13 @@ def kept[**P, T](
 
 
 def _hashable(value: Any) -> Hashable:
-    if isinstance(value, NoiseModel):
-        arrays = (value.white, value.time_constants, value.amplitudes, value.per_vibration)
-        return (*(v.tobytes() for v in arrays), value.still_vibration)
+    """Return what tells arguments apart: of those compared by identity what they hold."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
     if isinstance(value, Mapping):
         return tuple((key, _hashable(each)) for key, each in value.items())
     if isinstance(value, list | tuple):
         return tuple(map(_hashable, value))
+    if is_dataclass(value) and type(value).__hash__ is object.__hash__:
+        return tuple(_hashable(getattr(value, field.name)) for field in fields(value))
     return cast('Hashable', value)
