@@ -19,6 +19,7 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
+from thermal_comp.effects.humidity import Humidity
 from thermal_comp.effects.thermal_gradient import ESTIMATED_FROM_DIE, ThermalGradient
 from thermal_comp.export.c99 import c99_of
 from thermal_comp.export.single_precision import LARGEST_ROUNDING_SHARE, single_precision_shares
@@ -94,9 +95,13 @@ def off_by(folder: Path, model: ThermalModel, courses: Sequence[Conditions]) -> 
 
 
 @pytest.mark.usefixtures('compiler')
-@pytest.mark.parametrize('name', DEVICE_EFFECTS)
-def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
-    model = model_of([EFFECTS[name]()])
+@pytest.mark.parametrize(
+    'effect',
+    [*(EFFECTS[name]() for name in DEVICE_EFFECTS), Humidity(by_diffusion=1.0)],
+    ids=[*DEVICE_EFFECTS, 'humidity_by_diffusion'],
+)
+def test_effect_in_c_is_the_effect(effect: Effect, tmp_path: Path) -> None:
+    model = model_of([effect])
     off = off_by(tmp_path, model, [example_course(model)])
     assert len(off) == 2 * sum(bool(part.effects) for part in model.sensors.values())
 
