@@ -20,7 +20,7 @@ from thermal_comp.noise.of_runs import determined_noise
 import thermal_comp as tc
 from imu_recording import ImuRecording
 
-from ...campaign import chamber, lagging, run
+from ...campaign import chamber, lagging, measured_by, run
 
 UP = ('+x', '+z')
 SLOPES = {
@@ -65,6 +65,19 @@ def test_a_lag_of_one_sensor_beside_it_keeps_its_name() -> None:
     assert found.parameters['time_constant_fast']['value'] < 25.0
     (prediction,) = (p for p in diagnosis.predictions if p.sensor == 'gyroscope')
     assert prediction.error_after < 1.1 * prediction.noise_floor
+
+
+def test_beside_an_error_without_a_name_the_thermometer_is_corrected_all_the_same() -> None:
+    """What has no name is a twentieth of what the lag does."""
+    time, *_ = chamber()
+    waves = 6e-4 * np.sin(2.0 * np.pi * time / 2300.0 + (time / 2e4) ** 2)
+    course = np.multiply.outer(waves, [1.0, -1.5, 2.0])
+    campaign = measured_by(late(25.0, linear_acceleration=course), 'accelerometer')
+    diagnosis = tc.diagnose(campaign)
+    assert {f.kind for f in diagnosis.findings} & {'unexplained', 'unlogged'}
+    (prediction,) = diagnosis.predictions
+    assert prediction.empirical
+    assert prediction.error_after < 0.4 * prediction.error_before
 
 
 def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> None:
