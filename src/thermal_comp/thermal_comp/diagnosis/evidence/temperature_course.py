@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.effects.operators import follow
@@ -124,6 +125,12 @@ class TemperatureSlope:
 
 def temperature_history(run: PreparedRun) -> FloatArray:
     """(n, q) derivatives of the temperature and what it is ahead of slower nodes."""
+    return _history_of([run])
+
+
+@kept
+def _history_of(runs: Sequence[PreparedRun]) -> FloatArray:
+    (run,) = runs
     temperature, time = run.conditions.temperature, run.conditions.time
     rate = np.gradient(temperature, time)
     parts = [
