@@ -141,7 +141,8 @@ class SensorAnswer:
     def closest(self) -> tuple[Effect, ...]:
         """Effects most like an unexplained residual; () where one is named.
 
-        The one that the thermometer's own errors look like, where these explain more.
+        With them, the effect that the thermometer's own errors look like, where these explain
+        more, and where nothing is missing.
         """
         if self.kind == 'named':
             return ()

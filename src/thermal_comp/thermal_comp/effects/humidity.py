@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -109,13 +109,12 @@ class GuessedHumidity(Humidity):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 1): guessed relative humidity (0 … 1) behind a first-order lag."""
+        """Return (n, 1): guessed relative humidity (0 … 1), taken up as one that was logged."""
         logged = conditions.chamber_temperature
         air = conditions.temperature if logged is None else logged
         excess = 17.62 * (self.dew_point / (243.12 + self.dew_point) - air / (243.12 + air))
         humidity: FloatArray = np.exp(np.minimum(excess, 0.0))
-        taken_up, state = follow(conditions.time, humidity, self.time_constant, state)
-        return taken_up[:, None], state
+        return super().columns(replace(conditions, humidity=humidity), state)
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

@@ -55,7 +55,8 @@ class FlexibleFunction:
     largest: float = np.inf
     """√Δχ² beyond which it does not count."""
     beside: bool = True
-    """Whether its size is that of what it adds beside all else, not of the function by itself."""
+    """Whether the prior is that of √Δχ² it adds beside all else; else of its coefficients, whose
+    columns have unit length before anything else is taken out of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,16 +254,16 @@ def _functions(hypotheses: SensorHypotheses, one: FittedSet) -> list[FlexibleFun
             log_prior = priors.flaw_log_prior(size) - log_places(regressor, some)
             comes_and_goes = of_lines and variable == 'frequency'
             largest = np.inf if comes_and_goes else priors.LARGEST_FLAW_SHARE * size
-            # The thermometer's lag leaves little of a rate: its size is that before it.
+            # The lag beside it takes up most of a rate: the prior is that of the whole of it.
             beside = regressor.name != RATE_PER_ORIENTATION
             found.append(FlexibleFunction(regressor.term, log_prior, largest, beside))
     return found
 
 
 def log_places(regressor: GenericRegressor, some: EffectSet) -> float:
-    """Return ln of the number of places of which a regressor's is the best.
+    """Return ln of the number of bands from which that of a regressor was chosen.
 
-    Beside a set with a spectral line it is known.
+    0 beside a set with a spectral line, whose frequency is known.
     """
     known = any(c.form.effect.line_frequency is not None for c in some.components)
     return 0.0 if known else float(np.log(regressor.places))

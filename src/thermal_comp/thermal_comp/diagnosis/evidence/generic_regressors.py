@@ -54,7 +54,7 @@ class GenericRegressor:
     suspect: str = ''
     """Lost channel that may have the same course by chance; '' for none."""
     places: float = 1.0
-    """Number of such functions, side by side, of which it follows the residual best."""
+    """Number of bands of frequency from which its band was chosen as the strongest; else 1."""
 
     @property
     def may_be_law(self) -> bool:
