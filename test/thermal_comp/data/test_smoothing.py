@@ -51,6 +51,21 @@ def rate_error(time: np.ndarray, found: np.ndarray, true: np.ndarray) -> float:
     return float(np.std(np.gradient(found, time) - np.gradient(true, time)))
 
 
+@pytest.mark.parametrize(('count', 'noise'), [(1.0, 0.3), (0.5, 0.02), (0.25, 0.1), (0.0625, 0.1)])
+def test_a_device_that_warms_itself_after_power_on_is_followed(count: float, noise: float) -> None:
+    """By 1 K within a minute or two, in a room whose temperature moves in hours."""
+    time = np.arange(0.0, 20_000.0)
+    room = 20.0 + 3.0 * np.sin(time / 5000.0)
+    first, missed, missed_in_room = time < 100.0, [], []
+    for seed in range(2):
+        error = noise * np.random.default_rng(seed).standard_normal(len(time))
+        for true, errors in ((room - np.exp(-time / 25.0), missed), (room, missed_in_room)):
+            read = count * np.round((true + error) / count)
+            errors.append(np.sqrt(np.mean((smoothed_temperature(time, read) - true)[first] ** 2)))
+    assert np.mean(missed) < 0.12 * max(count, 0.5)
+    assert np.mean(missed_in_room) < 0.06 * max(count, 0.5)
+
+
 @pytest.mark.parametrize('noise', [0.01, 0.05])
 def test_where_a_course_is_bent_at_first_and_straight_later_no_single_width_is_as_good(
     noise: float,

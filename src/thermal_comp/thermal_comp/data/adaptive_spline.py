@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A smoothing spline that is soft where the signal bends and stiff where it is straight.
 
-A device out of the freezer warms fast at first, a ramp begins with a corner: one stiffness for the
-whole rounds them off, and lets noise through elsewhere. f = argmin Σ (y − f)² + Σ λᵢ (∇³f)ᵢ² with
-λ of every place (Pintore, Speckman and Holmes, Spatially adaptive smoothing splines, Biometrika
-93, 2006): the third differences are independent normal variables of variance σ²/λᵢ.
+A device that was switched on warms itself, one out of the freezer warms fast at first, a ramp
+begins with a corner: one stiffness for the whole rounds them off, and lets noise through
+elsewhere. f = argmin Σ (y − f)² + Σ λᵢ (∇³f)ᵢ² with λ of every place (Pintore, Speckman and
+Holmes, Spatially adaptive smoothing splines, Biometrika 93, 2006): the third differences are
+independent normal variables of variance σ²/λᵢ.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import gaussian_filter1d
 
-from thermal_comp.linear.differences import penalty_bands
+from thermal_comp.linear.differences import penalty_bands, settling_differences
 
 WIDTH_IN_MEANS = 8.0
 """Width of the spline in means of rows that it is fitted to, at least where rows are closer."""
@@ -23,6 +24,12 @@ LEAST_MEANS = 40
 """Number of these below which one stiffness is enough."""
 PROFILE_WIDTHS = 10.0
 """Standard deviation of the window over which third differences tell the stiffness, in widths."""
+SETTLING = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Time constants in which a device that warms itself settles at first [means] …"""
+SETTLING_K = 1.0
+"""… and deviation of how far: self-heating of 0.3 to 2 K."""
+SETTLING_COST = 12.0
+"""Gain of ln likelihood from which it does: that of a cold start's first bend is up to ten."""
 ROUNDS = 4
 """Times the stiffness is taken from a spline with the stiffness of the time before."""
 LARGEST_RATIO = 1e4
@@ -46,13 +53,13 @@ def adaptive_spline(values: FloatArray, width: float, every: int = 1) -> FloatAr
     if size < LEAST_MEANS or width < count:
         return None
     means = values[: size * count].reshape(size, count).mean(axis=1)
-    base = np.full(size - 3, (width / count) ** 6)
-    scale, course, likelihood = _likeliest_scale(means, base, 0.0)
+    base, (scale, course, likelihood) = _settling_first(means, (width / count) ** 6)
     window = PROFILE_WIDTHS * width / count
     least = likelihood + size / (2.0 * np.sqrt(np.pi) * window)
     best = course
     for _ in range(ROUNDS):
-        power = gaussian_filter1d(np.diff(course, 3) ** 2, window, mode='nearest')
+        bends = np.diff(course, 3) ** 2 * base / base[-1]
+        power = gaussian_filter1d(bends, window, mode='nearest')
         ln_power = np.log(power + 1e-6 * power.mean() + 1e-300)
         bend = np.clip(ln_power - ln_power.mean(), -np.log(LARGEST_RATIO), np.log(LARGEST_RATIO))
         scale, course, likelihood = _likeliest_scale(means, base * np.exp(-bend), scale)
@@ -60,6 +67,27 @@ def adaptive_spline(values: FloatArray, width: float, every: int = 1) -> FloatAr
             least, best = likelihood, course
     middle = (np.arange(size) + 0.5) * count - 0.5
     return np.asarray(CubicSpline(middle, best)(np.arange(len(values))))
+
+
+def _settling_first(
+    means: FloatArray, stiffness: float
+) -> tuple[FloatArray, tuple[float, FloatArray, float]]:
+    """Return the stiffness (n − 3,) of one that is softer at first, where that is likelier.
+
+    And ln of its likeliest factor, the spline, and ln of its likelihood.
+    """
+    best = np.full(len(means) - 3, stiffness)
+    found = _likeliest_scale(means, best, 0.0)
+    alike = best * np.exp(found[0])
+    variance = max(float(((means - found[1]) ** 2).mean()), 1e-300)
+    least = found[2] + SETTLING_COST
+    for time_constant in SETTLING:
+        settles = settling_differences(len(means), 3, SETTLING_K, time_constant)
+        softer = 1.0 / (1.0 / alike + settles**2 / variance)
+        again = _likeliest_scale(means, softer, 0.0)
+        if again[2] > least:
+            best, found, least = softer, again, again[2]
+    return best, found
 
 
 def _likeliest_scale(

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature behind a thermometer whose counts are coarser than its noise.
 
-A reading y says that T + noise was within half a count of it, no more: ln P(y | T) =
-ln [Φ((y + q/2 − T)/σ) − Φ((y − q/2 − T)/σ)]. While it stays within a count the temperature is told
-by the instants at which it went from one count to the next, and by how smooth it is: its second or
-third differences are normal with one deviation ρ (a smoothing spline, Wahba, Spline Models for
-Observational Data, 1990, ch. 1). The likeliest course is found by Newton's method, σ, ρ and the
-order by the marginal likelihood in Laplace's approximation (Rasmussen and Williams, Gaussian
-Processes for Machine Learning, 2006, sec. 3.4).
+A reading y says that T + noise was within half a count of it, no more: ln P(y | T) = ln [Φ((y +
+q/2 − T)/σ) − Φ((y − q/2 − T)/σ)]. While it stays within a count the temperature is told by the
+instants at which it went from one count to the next, and by how smooth it is: its second or third
+differences are normal with one deviation ρ (a smoothing spline, Wahba, Spline Models for
+Observational Data, 1990, ch. 1), larger at first where a device warms itself. The likeliest course
+is found by Newton's method, σ, ρ and the order by the marginal likelihood in Laplace's
+approximation (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 3.4).
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.special import log_ndtr
 
+from thermal_comp.data.adaptive_spline import SETTLING_COST
 from thermal_comp.data.thermometer_counts import counts_of
-from thermal_comp.linear.differences import difference, penalty_bands
+from thermal_comp.linear.differences import difference, penalty_bands, settling_differences
 
 LEAST_HELD_SHARE = 0.6
 """Share of rows that repeat the one before, from which the noise is below the counts."""
@@ -47,17 +48,22 @@ DEVIATIONS = tuple(np.geomspace(1e-7, 1.0, 15).tolist())
 """Deviations of the differences [counts]."""
 ORDERS = (3, 2)
 """Orders of the differences: of a die behind its package, and of one that air heats at once."""
+SETTLING = (0.0, 1.0, 3.0, 10.0)
+"""Time constants [means] in which a device that warms itself settles at first; 0: it does not."""
+SETTLING_DEVIATION = 4.0
+"""Deviation of how far it settles: self-heating of 0.3 to 2 K [counts]."""
 MOVES = (
-    (0, -1, 0),
-    (0, 1, 0),
-    (-1, 0, 0),
-    (1, 0, 0),
-    (-1, -1, 0),
-    (-1, 1, 0),
-    (0, 0, 1),
-    (0, 2, 1),
+    (0, -1, 0, 0),
+    (0, 1, 0, 0),
+    (-1, 0, 0, 0),
+    (1, 0, 0, 0),
+    (-1, -1, 0, 0),
+    (-1, 1, 0, 0),
+    (0, 0, 1, 0),
+    (0, 2, 1, 0),
+    (0, 0, 0, 1),
 )
-"""Steps of the search in places of NOISES, DEVIATIONS and ORDERS."""
+"""Steps of the search in places of NOISES, DEVIATIONS, ORDERS and SETTLING."""
 MOST_STEPS = 60
 """Of Newton's method."""
 CONVERGED = 1e-2
@@ -182,14 +188,17 @@ class _Readings:
 
     def likeliest(self) -> tuple[float, FloatArray, FloatArray]:
         """Return the likeliest noise with its course (m,) and banded Cholesky factor (b, m)."""
-        known: dict[tuple[int, int, int], tuple[FloatArray, FloatArray, float]] = {}
-        best = len(NOISES) - 2, len(DEVIATIONS) // 2, 0
+        known: dict[tuple[int, int, int, int], tuple[FloatArray, FloatArray, float]] = {}
+        best = len(NOISES) - 2, len(DEVIATIONS) // 2, 0, 0
         known[best] = self.fitted(*best)
         here = None
         while best != here:
             here = best
             for move in MOVES:
-                near = here[0] + move[0], here[1] + move[1], (here[2] + move[2]) % len(ORDERS)
+                noise, deviation, order, settling = (
+                    a + b for a, b in zip(here, move, strict=True)
+                )
+                near = noise, deviation, order % len(ORDERS), settling % len(SETTLING)
                 if not (0 <= near[0] < len(NOISES) and 0 <= near[1] < len(DEVIATIONS)):
                     continue
                 if near not in known:
@@ -199,17 +208,24 @@ class _Readings:
         return NOISES[best[0]], *known[best][:2]
 
     def fitted(
-        self, noise: int, deviation: int, order: int, start: FloatArray | None = None
+        self,
+        noise: int,
+        deviation: int,
+        order: int,
+        settling: int,
+        start: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, float]:
         """Return the likeliest course (m,), its banded Cholesky factor (b, m) and ln evidence.
 
-        Of a place in NOISES, DEVIATIONS and ORDERS, from another course or as of normal noise.
+        Of a place in NOISES, DEVIATIONS, ORDERS and SETTLING, from another course or as of normal
+        noise.
         """
-        prior = _Smoothness(ORDERS[order], DEVIATIONS[deviation])
-        stiff, sigma = prior.bands(len(self.means)), NOISES[noise]
+        size = len(self.means)
+        prior = _Smoothness.of(size, ORDERS[order], DEVIATIONS[deviation], SETTLING[settling])
+        stiff, sigma = prior.bands(), NOISES[noise]
         damping = UNIFORM * float(self.weight.sum(axis=1).mean())
         if start is None:
-            root = _factor(stiff, np.full(len(self.means), damping))
+            root = _factor(stiff, np.full(size, damping))
             start = cho_solve_banded((root, False), damping * self.means)
         course, value = start, self._log_likelihood(start, sigma) - prior.penalty(start)
         for _ in range(MOST_STEPS):
@@ -225,7 +241,7 @@ class _Readings:
                     break
             damping *= 0.1 if gain >= 0.0 else 10.0
         root = _factor(stiff, self._derivatives(course, sigma)[1])
-        free = (len(course) - prior.order) * np.log(prior.deviation)
+        free = float(np.log(prior.deviations).sum()) + (SETTLING_COST if settling else 0.0)
         return course, root, value - free - float(np.log(root[-1]).sum())
 
     def _log_likelihood(self, course: FloatArray, noise: float) -> float:
@@ -244,26 +260,32 @@ class _Readings:
         return slope, curvature
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Smoothness:
-    """A prior of courses: differences of an order are normal with one deviation."""
+    """A prior of courses (m,): their differences of an order are normal."""
 
     order: int
-    deviation: float
-    """Of a difference from one mean to the next [counts]."""
+    deviations: FloatArray
+    """(m − order,) of the differences [counts]."""
+
+    @classmethod
+    def of(cls, size: int, order: int, deviation: float, settling: float) -> _Smoothness:
+        """Return that of `size` means: one deviation, beside what settles exponentially."""
+        settles = settling_differences(size, order, SETTLING_DEVIATION, settling)
+        return cls(order, np.hypot(deviation, settles))
 
     def penalty(self, course: FloatArray) -> float:
         """Return −ln of the prior of a course, but for a constant."""
-        return 0.5 * float(((np.diff(course, self.order) / self.deviation) ** 2).sum())
+        return 0.5 * float(((np.diff(course, self.order) / self.deviations) ** 2).sum())
 
     def slope(self, course: FloatArray) -> FloatArray:
         """Return the (m,) slope of the penalty."""
-        differences = np.diff(course, self.order) / self.deviation**2
+        differences = np.diff(course, self.order) / self.deviations**2
         return np.asarray(np.convolve(differences, difference(self.order)))
 
-    def bands(self, size: int) -> FloatArray:
+    def bands(self) -> FloatArray:
         """Return the upper bands (order + 1, m) of the matrix of the penalty."""
-        return penalty_bands(self.order, np.full(size - self.order, self.deviation**-2))
+        return penalty_bands(self.order, self.deviations**-2)
 
 
 def _bounds(offset: FloatArray, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:

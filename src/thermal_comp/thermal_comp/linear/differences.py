@@ -16,6 +16,19 @@ def difference(order: int) -> FloatArray:
     return np.asarray(np.diff(np.eye(order + 1), order, axis=0)[0])
 
 
+def settling_differences(
+    size: int, order: int, deviation: float, time_constant: float
+) -> FloatArray:
+    """Return (size − order,) deviations of the differences of what settles from a start.
+
+    It is one of `deviation` that dies out with a time constant [rows]; of 0 there is none.
+    """
+    if time_constant <= 0.0:
+        return np.zeros(size - order)
+    first = deviation * (1.0 - np.exp(-1.0 / time_constant)) ** order
+    return np.asarray(first * np.exp(-np.arange(size - order) / time_constant))
+
+
 def penalty_bands(order: int, weights: FloatArray) -> FloatArray:
     """Return the upper bands (order + 1, n) of Dᵀ diag(w) D, `weights` (n − order,).
 
