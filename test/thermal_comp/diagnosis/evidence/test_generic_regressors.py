@@ -70,6 +70,30 @@ def test_a_line_is_one_of_as_many_bands_as_were_looked_through() -> None:
     assert set(places.values()) == {1.0}
 
 
+def test_a_line_that_comes_and_goes_by_all_of_its_amplitude_keeps_its_name() -> None:
+    """As that of a heater that was not logged does."""
+    on = np.sin(2.0 * np.pi * TIME / 9000.0) > 0.7
+    wave = np.multiply.outer(on * np.cos(2.0 * np.pi * TIME / 130.0), SIZE)
+    recordings = [
+        run(up, seed=k, cycles=3, period=20.0, error={'angular_velocity': wave})
+        for k, up in enumerate(('+x', '+z'))
+    ]
+    runs, base = prepare(recordings), {'gyroscope': (BiasTemperature(),)}
+    settings = Settings({'mains_alias': EFFECTS['mains_alias']})
+    answer = search_sensors(runs, base, determined_noise(runs, base)[0], settings)['gyroscope']
+    assert answer.likeliest.names == ('mains_alias',)
+
+
+def test_what_follows_one_machine_of_a_chamber_may_be_another_that_was_not_logged() -> None:
+    runs = prepare([
+        replace(run(seed=1, cycles=3, period=20.0), compressor=(DIE < 10.0).astype(float))
+    ])  # fmt: skip
+    noise = fit_noise(runs, 'magnetometer')
+    design = CandidateDesign(ColumnSource(runs), 'magnetometer', noise, [BiasTemperature()])
+    suspects = {r.depends_on: r.suspect for r in generic_regressors(design, EFFECTS)}
+    assert suspects['compressor'] == 'heater'
+
+
 def test_a_lost_channel_of_a_user_s_effect_is_suspected_on_its_sensor() -> None:
     class Barometric(BiasTemperature):
         sensors = ('gyroscope',)

@@ -189,7 +189,8 @@ def lost_over_time(design: CandidateDesign, catalogue: Mapping[str, type[Effect]
 def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
     """Return a lost channel that may have the course of a dependence by chance, '' for none.
 
-    What is switched may have any course over time; the air leads the die in every ramp.
+    What is switched may have any course over time; the air leads the die in every ramp. One
+    controller switches the machines of a chamber: the course of one tells that of the other.
     """
     machines = [c for c in lost if c in MACHINES]
     if depends_on in {'rate', 'branch'}:
@@ -197,6 +198,8 @@ def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[s
             run.conditions.has(name) for run in design.source.runs for name in THERMAL_CHANNELS
         )
         candidates: Sequence[str] = machines if air else ['chamber_temperature']
+    elif depends_on in {channel_label(machine) for machine in MACHINES}:
+        candidates = machines
     else:
         candidates = lost if depends_on in {'time', 'phase', 'cycle'} else []
     if len(machines) == len(MACHINES) and set(machines) <= set(candidates):
@@ -240,23 +243,23 @@ class _Spans:
     """Numbers of the cycles that any run has."""
 
     def temperature(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.temperature, self.low, self.high, 16)
+        return spline(run.temperature, self.low, self.high, 16)
 
     def fine_temperature(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.temperature, self.low, self.high, 48)
+        return spline(run.temperature, self.low, self.high, 48)
 
     def branch(self, run: PreparedRun) -> FloatArray:
-        curve = _spline(run.temperature, self.low, self.high, 8)
+        curve = spline(run.temperature, self.low, self.high, 8)
         rising = self._rate(run) / self.fastest
         ways = [np.tanh(rising / 0.2), np.tanh(rising / 0.05), _last_way(run.temperature)]
         return np.concatenate([curve, *(curve * way[:, None] for way in ways)], axis=1)
 
     def fine_branch(self, run: PreparedRun) -> FloatArray:
-        curve = _spline(run.temperature, self.low, self.high, 24)
+        curve = spline(run.temperature, self.low, self.high, 24)
         return np.concatenate([curve, curve * _last_way(run.temperature)[:, None]], axis=1)
 
     def rate(self, run: PreparedRun) -> FloatArray:
-        return _spline(self._rate(run), -self.fastest, self.fastest, 9)
+        return spline(self._rate(run), -self.fastest, self.fastest, 9)
 
     def rate_products(self, run: PreparedRun) -> FloatArray:
         rate, x = self._rate(run) / self.fastest, self._temperature(run)
@@ -269,18 +272,18 @@ class _Spans:
         return np.stack([rate, rate**2], axis=1)
 
     def time(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.time, 0.0, self.longest, 9)
+        return spline(run.time, 0.0, self.longest, 9)
 
     def wave(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.time, 0.0, self.longest, 40)
+        return spline(run.time, 0.0, self.longest, 40)
 
     def slow_wave(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.time, 0.0, self.longest, 24)
+        return spline(run.time, 0.0, self.longest, 24)
 
     def slope_in_time(self, run: PreparedRun) -> FloatArray:
         x = self._temperature(run)[:, None]
         share = run.time[:, None] / self.longest
-        curve = _spline(run.time, 0.0, self.longest, 4)
+        curve = spline(run.time, 0.0, self.longest, 4)
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
 
     def slope_over_campaign(self, run: PreparedRun) -> FloatArray:
@@ -290,7 +293,7 @@ class _Spans:
 
     def narrow_band(self, line: SpectralLine, run: PreparedRun) -> FloatArray:
         fine = run.conditions
-        slow = _spline(fine.time, 0.0, self.longest, BAND_PIECES)
+        slow = spline(fine.time, 0.0, self.longest, BAND_PIECES)
         integral = time_integral(fine.time, fine.temperature_difference)[0]
         turn = 2.0 * np.pi * (line.frequency * fine.time + line.drift * integral)[:, None]
         return run.block_mean(np.concatenate([slow * np.cos(turn), slow * np.sin(turn)], axis=1))
@@ -310,7 +313,7 @@ class _Spans:
     def _over_phase(self, run: PreparedRun, pieces: int) -> FloatArray:
         since = _time_in_cycle(run)
         inside = (since >= 0.0) & (since <= self.cycle_length)
-        curve = _spline(np.clip(since, 0.0, self.cycle_length), 0.0, self.cycle_length, pieces)
+        curve = spline(np.clip(since, 0.0, self.cycle_length), 0.0, self.cycle_length, pieces)
         return curve * inside[:, None]
 
     def cycle(self, run: PreparedRun) -> FloatArray:
@@ -385,7 +388,7 @@ def _cycle_length(run: PreparedRun) -> float:
     return float(max(_time_in_cycle(run).max(), 1.0))
 
 
-def _spline(values: FloatArray, low: float, high: float, pieces: int) -> FloatArray:
+def spline(values: FloatArray, low: float, high: float, pieces: int) -> FloatArray:
     """(m, pieces + 2) quadratic B-splines between low and high."""
     if not high > low:
         return np.ones((len(values), 1))

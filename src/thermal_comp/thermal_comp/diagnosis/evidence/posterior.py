@@ -164,7 +164,7 @@ def _as_twins(
                 continue
             ways = in_each_variant(hypotheses, some.components, place)
             for better, parts in known:
-                each = [_log_odds_of_twin(hypotheses, way, better) for way in ways]
+                each = [_log_odds_of_twin(hypotheses, some, way, better) for way in ways]
                 odds = log_sum(each) - float(np.log(len(each)))
                 change = better.log_posterior + odds - some.log_posterior
                 if len(better.components) > len(some.components):
@@ -175,16 +175,22 @@ def _as_twins(
 
 
 def _log_odds_of_twin(
-    hypotheses: SensorHypotheses, components: Sequence[Component], better: EffectSet
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    components: Sequence[Component],
+    better: EffectSet,
 ) -> float:
     """Return ln of the odds that flaws make up for what a set with a twin explains better.
 
-    −∞ where it explains no more: then no flaw is needed, and their evidence decides.
+    Or for what it needs less of the thermometer's errors. −∞ where it is no better: then no flaw
+    is needed.
     """
     own = hypotheses.explained(components, better.components)
-    if better.explained <= own:
+    evidence = better.log_posterior - better.log_prior - some.log_posterior + some.log_prior
+    by = max(better.explained - own, 2.0 * evidence)
+    if by <= 0.0:
         return -np.inf
-    share = float(np.sqrt((better.explained - own) / max(own, 1.0)))
+    share = float(np.sqrt(by / max(own, 1.0)))
     return hypotheses.log_odds_of_twin(components, share)
 
 

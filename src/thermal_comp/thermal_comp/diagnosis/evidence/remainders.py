@@ -33,6 +33,7 @@ from thermal_comp.diagnosis.evidence.flaws import (
 )
 from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.line_amplitude import courses_of_lines
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 LEAST_UNNAMED_WAYS = 4
@@ -65,16 +66,23 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     strongest = float(np.sqrt(whole.explained)) if whole.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     gains = _log_gains(hypotheses, some, state, amplitude)
+    lines = courses_of_lines(hypotheses, some.components)
+    beside = hypotheses.conditioned(some.components) if lines else state
     measured = [r for r in hypotheses.regressors if r.depends_on in own_variables(whole)]
     if measured:
         own_error = priors.flaw_log_prior(float(np.sqrt(whole.explained)))
         errors = [FlexibleFunction(r.term, own_error) for r in measured]
-        each = [gain_of(state, error)[0] for error in errors]
-        share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(measured)))
+        # Where it comes and goes a line lacks as much as it is.
+        errors += [FlexibleFunction(line.own, amplitude) for line in lines]
+        each = [gain_of(beside, error)[0] for error in errors]
+        share = float(np.log(priors.CHANNEL_FLAWED_PROBABILITY / len(errors)))
         found.append(Remainder('flaw', None, log_sum(each) + share))
     gains = [
         (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
     ]
+    for term in (line.of_others for line in lines if line.of_others):
+        wander = GenericRegressor('frequency', 'line that leaves its phase', term)
+        gains.append((wander, gain_of(beside, FlexibleFunction(term, amplitude))[0]))
     course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unnamed_causes(hypotheses, some, gains, course)
