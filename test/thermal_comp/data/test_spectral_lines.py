@@ -156,6 +156,19 @@ def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:
         assert ends.min() > LOWEST_HZ
 
 
+@pytest.mark.parametrize(('hertz', 'is_line'), [(2.0 / 190.0, False), (0.13, True)])
+def test_a_wave_that_swings_with_a_hair_dryer_is_no_line(hertz: float, is_line: bool) -> None:
+    """Nor has it twenty periods."""
+    time = np.arange(700.0)
+    die = 30.0 - 8.0 * np.cos(2.0 * np.pi * time / 190.0)
+    field = 3.0 * np.multiply.outer(np.cos(2.0 * np.pi * hertz * time), GAINS)
+    field += np.random.default_rng(3).standard_normal(field.shape)
+    level = np.broadcast_to([0.0, 0.0, 9.81], field.shape)
+    stamp = np.round(time * 1e9).astype(np.int64)
+    recording = ImuRecording(stamp, 0.0 * field, level, 1e-7 * field, die, up_axis='+z')
+    assert bool(spectral_lines(prepare([recording]), SENSOR)) == is_line
+
+
 def test_a_slow_error_in_bursts_is_no_line() -> None:
     time = np.add.outer(900.0 * np.arange(24), np.arange(40.0)).ravel()
     slow = np.cos(2.0 * np.pi * time / 9_000.0)

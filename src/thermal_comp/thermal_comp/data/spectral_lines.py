@@ -29,7 +29,11 @@ MOST_LINES = 3
 LEAST_PROMINENCE = 8.0
 """Least ratio of a line's power, summed over runs and axes, to the spectrum around it."""
 LOWEST_HZ = 1.0 / 900.0
-"""Lowest frequency of a line [Hz]: slower waves belong to the thermal cycle."""
+"""Lowest frequency of a line [Hz]: slower waves belong to the thermal cycle …"""
+LOWEST_HARMONIC = 8.0
+"""… as do those up to so many times as fast as the temperature goes to and fro: it has corners."""
+LEAST_PERIODS = 20.0
+"""Periods of a line in the longest run, at least: fewer are a course over time."""
 LEAST_ROWS, MOST_ROWS = 200, 1 << 21
 """Least and greatest number of rows, missing ones counted, that a spectrum is made of."""
 WINDOW_ROWS = 256
@@ -87,9 +91,14 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[Spectral
     if not LEAST_ROWS <= 2 * frequencies_told_apart(runs) < MOST_ROWS:
         return []
     series = [_series(run, sensor, step) for run in runs]
-    steady = _steady_lines(series, step)
-    moving = _moving_line(series, step, steady[:1]) or _strong_line(series, step, steady[:1])
-    return [*moving, *steady][:MOST_LINES]
+    lowest = max(
+        LOWEST_HZ,
+        LOWEST_HARMONIC * max(map(_frequency_of_temperature, runs)),
+        LEAST_PERIODS / max(float(np.ptp(run.conditions.time)) for run in runs),
+    )
+    steady = _steady_lines(series, step, lowest)
+    moving = _moving_line(series, step, steady[:1], lowest)
+    return [*(moving or _strong_line(series, step, steady[:1])), *steady][:MOST_LINES]
 
 
 def frequencies_told_apart(runs: Sequence[PreparedRun]) -> int:
@@ -99,6 +108,13 @@ def frequencies_told_apart(runs: Sequence[PreparedRun]) -> int:
     """
     longest = max(float(np.ptp(run.conditions.time)) for run in runs)
     return max(int(0.5 * longest / _distance_of_rows(runs)), 1)
+
+
+def _frequency_of_temperature(run: PreparedRun) -> float:
+    """Return how often the temperature goes to and fro, as a sine of its size and rate [Hz]."""
+    temperature = run.smoothed.temperature
+    rate = np.gradient(temperature, run.time)
+    return float(np.sqrt(np.mean(rate**2)) / (2.0 * np.pi * max(float(temperature.std()), 1e-6)))
 
 
 def _distance_of_rows(runs: Sequence[PreparedRun]) -> float:
@@ -135,15 +151,15 @@ def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
     return np.where(known, filled - basis @ answer, 0.0)
 
 
-def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
-    """Return the peaks of the spectrum, the most prominent first.
+def _steady_lines(series: Sequence[_Series], step: float, lowest: float) -> list[SpectralLine]:
+    """Return the peaks of the spectrum above the `lowest` frequency, most prominent first.
 
     In rows with gaps, such as bursts, a slow error appears wherever the spectrum of the pattern of
     the rows has a peak, as it is multiplied by that pattern; so much is allowed for.
     """
     size = 1 << (2 * max(len(one.values) for one in series)).bit_length()
     frequency = np.fft.rfftfreq(size, step)
-    slow = frequency <= LOWEST_HZ
+    slow = frequency <= lowest
     power, leaked = np.zeros((2, size // 2 + 1))
     for one in series:
         taper = np.hanning(len(one.values))
@@ -165,7 +181,7 @@ def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
 
 
 def _moving_line(
-    series: Sequence[_Series], step: float, steady: Sequence[SpectralLine]
+    series: Sequence[_Series], step: float, steady: Sequence[SpectralLine], lowest: float
 ) -> list[SpectralLine]:
     """Return the likeliest line that follows the temperature, [] where none is prominent."""
     bin_hz = 1.0 / (WINDOW_ROWS * step)
@@ -184,9 +200,9 @@ def _moving_line(
     for part in REFINED_STEPS if prominence >= LEAST_PROMINENCE and count > 1 else ():
         about = np.arange(-DRIFT_STEPS, DRIFT_STEPS + 1) * part * (offsets[1] - offsets[0])
         prominence, line = max([(prominence, line), *_dechirped(series, step, line, about)])
-    lowest = line.frequency + float((line.drift * temperatures).min())
+    slowest = line.frequency + float((line.drift * temperatures).min())
     prominent = prominence >= max(LEAST_PROMINENCE, LEAST_DRIFT_RATIO * standing)
-    return [line] if prominent and line.drift and lowest > LOWEST_HZ else []
+    return [line] if prominent and line.drift and slowest > lowest else []
 
 
 def _strong_line(

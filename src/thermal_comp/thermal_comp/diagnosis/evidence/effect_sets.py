@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence.candidates import Form
-from thermal_comp.linear.gaussian_evidence import CoefficientPrior
+from thermal_comp.linear.candidate_design import CandidateDesign
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
 
 NOT_IN_CATALOGUE = 'not_in_catalogue'
 UNLOGGED = 'unlogged'
@@ -78,3 +81,14 @@ class EffectSet:
 
 
 NO_EFFECT = EffectSet((), 0.0, 0.0, 0.0)
+
+
+def fitted_coefficients(
+    design: CandidateDesign, components: Sequence[Component], nuisances: Sequence[CoefficientPrior]
+) -> list[FloatArray]:
+    """Return by component the (3, p) likeliest coefficients of its columns of unit length."""
+    allowed = [*(c.prior for c in components), *nuisances]
+    known = design.products_among([c for prior in allowed for c in prior.columns])
+    found = likeliest_coefficients(*known, allowed)
+    ends = np.cumsum([len(c.columns) for c in components], dtype=int)
+    return np.split(found[:, : ends[-1]], ends[:-1], axis=1) if components else []

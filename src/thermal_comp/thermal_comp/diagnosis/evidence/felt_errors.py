@@ -13,11 +13,11 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.diagnosis.evidence.effect_sets import Component
+from thermal_comp.diagnosis.evidence.effect_sets import Component, fitted_coefficients
 from thermal_comp.diagnosis.evidence.temperature_course import temperature_history
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
-from thermal_comp.linear.gaussian_evidence import CoefficientPrior, likeliest_coefficients
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
 FittedEffect: TypeAlias = tuple[Effect, FloatArray]
 """One effect and its (p, 3) coefficients."""
@@ -102,21 +102,18 @@ def _fitted(
     nuisances: Sequence[CoefficientPrior],
 ) -> list[FittedEffect]:
     """Return the effects whose axes each follow one course, with their coefficients."""
-    allowed = [*(c.prior for c in components), *nuisances]
-    normal, right = design.products_among([c for prior in allowed for c in prior.columns])
-    found = likeliest_coefficients(normal, right, allowed)
     fitted: list[FittedEffect] = []
-    for component in components:
-        form = component.form
+    each = fitted_coefficients(design, components, nuisances)
+    for component, found in zip(components, each, strict=True):
+        form, place = component.form, 0
         for effect, term in zip(form.effect.parts(), form.terms, strict=True):
-            columns = list(term.columns)
+            own = slice(place, place := place + len(term.columns))
             if form.run is None and not term.shared and not effect.per_run:
                 size = design.size_of(term)[:, None]
-                known = found[:, : len(columns)].T
+                known = found[:, own].T
                 fitted.append(
                     (effect, np.where(size > 0.0, known / np.maximum(size, 1e-300), 0.0))
                 )
-            found = found[:, len(columns) :]
     return fitted
 
 

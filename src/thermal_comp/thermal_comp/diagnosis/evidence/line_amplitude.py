@@ -16,12 +16,11 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.diagnosis.evidence.effect_sets import Component
+from thermal_comp.diagnosis.evidence.effect_sets import Component, fitted_coefficients
 from thermal_comp.diagnosis.evidence.generic_regressors import BAND_PIECES, spline
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import ColumnGroup
-from thermal_comp.linear.gaussian_evidence import likeliest_coefficients
 
 
 @dataclass(frozen=True)
@@ -41,15 +40,14 @@ def courses_of_lines(
     design = hypotheses.design
     if not any(c.form.effect.line_frequency for c in components):
         return []
-    allowed = [*(c.prior for c in components), *hypotheses.likeliest_nuisances(components)]
-    known = design.products_among([c for prior in allowed for c in prior.columns])
-    found = likeliest_coefficients(*known, allowed)
-    courses, place = [], 0
-    for component in components:
-        effect, count = component.form.effect, len(component.columns)
+    courses = []
+    nuisances = hypotheses.likeliest_nuisances(components)
+    each = fitted_coefficients(design, components, nuisances)
+    for component, found in zip(components, each, strict=True):
+        effect = component.form.effect
         if effect.line_frequency:
             size = np.concatenate([design.size_of(term) for term in component.form.terms])
-            unit = found[:, place : place + count] / np.maximum(size, 1e-300)
+            unit = found / np.maximum(size, 1e-300)
             cosine, sine = np.moveaxis(unit.reshape(3, -1, 2), 2, 0)
             phases = [np.stack(pair, axis=2) for pair in ((cosine, sine), (-sine, cosine))]
             functions = [(partial(_course, hypotheses, effect, one), True) for one in phases]
@@ -58,7 +56,6 @@ def courses_of_lines(
             design.equations(both.columns)  # the products of one with the other, too
             any_cause = effect.of_any_cause
             courses.append(LineCourses(own, both) if any_cause else LineCourses(both, None))
-        place += count
     return courses
 
 
