@@ -65,7 +65,9 @@ def test_a_line_is_one_of_as_many_bands_as_were_looked_through() -> None:
     noise = fit_noise(runs, 'gyroscope')
     lines = {'gyroscope': spectral_lines(runs, 'gyroscope')}
     design = CandidateDesign(ColumnSource(runs, lines), 'gyroscope', noise, [BiasTemperature()])
-    places = {r.depends_on: r.places for r in generic_regressors(design, EFFECTS)}
+    regressors = generic_regressors(design, EFFECTS)
+    assert {r.suspect for r in regressors if r.depends_on == 'frequency'} == {'chamber'}
+    places = {r.depends_on: r.places for r in regressors}
     assert places.pop('frequency') == pytest.approx(np.ptp(TIME) / 40.0 / BAND_PIECES, rel=0.01)
     assert set(places.values()) == {1.0}
 

@@ -191,6 +191,7 @@ def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[s
 
     What is switched may have any course over time; the air leads the die in every ramp. One
     controller switches the machines of a chamber: the course of one tells that of the other.
+    Their relays and motors make lines.
     """
     machines = [c for c in lost if c in MACHINES]
     if depends_on in {'rate', 'branch'}:
@@ -198,7 +199,7 @@ def _possible_channel(design: CandidateDesign, depends_on: str, lost: Sequence[s
             run.conditions.has(name) for run in design.source.runs for name in THERMAL_CHANNELS
         )
         candidates: Sequence[str] = machines if air else ['chamber_temperature']
-    elif depends_on in {channel_label(machine) for machine in MACHINES}:
+    elif depends_on in {'frequency', *map(channel_label, MACHINES)}:
         candidates = machines
     else:
         candidates = lost if depends_on in {'time', 'phase', 'cycle'} else []

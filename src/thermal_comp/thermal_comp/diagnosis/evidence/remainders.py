@@ -80,9 +80,13 @@ def remainders(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> lis
     gains = [
         (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
     ]
-    for term in (line.of_others for line in lines if line.of_others):
-        wander = GenericRegressor('frequency', 'line that leaves its phase', term)
-        gains.append((wander, gain_of(beside, FlexibleFunction(term, amplitude))[0]))
+    gains += [
+        (replace(r, term=term), gain_of(beside, FlexibleFunction(term, amplitude))[0])
+        for r in hypotheses.regressors
+        if r.depends_on == 'frequency'
+        for term in (line.of_others for line in lines)
+        if term
+    ]
     course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unnamed_causes(hypotheses, some, gains, course)
