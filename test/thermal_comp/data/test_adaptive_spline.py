@@ -34,5 +34,17 @@ def test_a_straight_line_without_noise_stays_one(slope: float, width: float) -> 
     np.testing.assert_allclose(adaptive_spline(line, width), line, atol=1e-4)
 
 
+def test_a_first_reading_that_is_off_is_not_followed() -> None:
+    """A filter that starts, or a conversion that was not complete: nothing settles after it."""
+    line = 40.0 - 0.01 * np.arange(2000.0)
+    readings = line + 0.02 * np.random.default_rng(3).standard_normal(len(line))
+    straight = adaptive_spline(readings, 30.0)
+    readings[0] -= 0.5
+    found = adaptive_spline(readings, 30.0)
+    assert found is not None
+    assert straight is not None
+    assert np.abs(found - straight).max() < 0.12
+
+
 def test_few_rows_have_none() -> None:
     assert adaptive_spline(np.zeros(200), 60.0) is None

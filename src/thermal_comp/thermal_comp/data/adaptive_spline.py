@@ -74,20 +74,20 @@ def _settling_first(
 ) -> tuple[FloatArray, tuple[float, FloatArray, float]]:
     """Return the stiffness (n − 3,) of one that is softer at first, where that is likelier.
 
-    And ln of its likeliest factor, the spline, and ln of its likelihood.
+    And ln of its likeliest factor, the spline, and ln of its likelihood. Without the first mean: a
+    first reading that is off by itself settles nothing.
     """
-    best = np.full(len(means) - 3, stiffness)
-    found = _likeliest_scale(means, best, 0.0)
-    alike = best * np.exp(found[0])
-    variance = max(float(((means - found[1]) ** 2).mean()), 1e-300)
-    least = found[2] + SETTLING_COST
+    alike = np.full(len(means) - 3, stiffness)
+    later = _likeliest_scale(means[1:], alike[1:], 0.0)
+    variance = max(float(((means[1:] - later[1]) ** 2).mean()), 1e-300)
+    best, least = alike, later[2] + SETTLING_COST
     for time_constant in SETTLING:
         settles = settling_differences(len(means), 3, SETTLING_K, time_constant)
-        softer = 1.0 / (1.0 / alike + settles**2 / variance)
-        again = _likeliest_scale(means, softer, 0.0)
-        if again[2] > least:
-            best, found, least = softer, again, again[2]
-    return best, found
+        softer = 1.0 / (np.exp(-later[0]) / alike + settles**2 / variance)
+        likelihood = _likeliest_scale(means[1:], softer[1:], 0.0)[2]
+        if likelihood > least:
+            best, least = softer, likelihood
+    return best, _likeliest_scale(means, best, 0.0)
 
 
 def _likeliest_scale(
