@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature behind a thermometer whose counts are coarser than its noise.
 
-A reading y says that T + noise was within half a count of it, no more: ln P(y | T) = ln [Φ((y +
-q/2 − T)/σ) − Φ((y − q/2 − T)/σ)]. While it stays within a count the temperature is told by the
-instants at which it went from one count to the next, and by how smooth it is: its second or third
-differences are normal with one deviation ρ (a smoothing spline, Wahba, Spline Models for
-Observational Data, 1990, ch. 1), larger at first where a device warms itself. The likeliest course
-is found by Newton's method, σ, ρ and the order by the marginal likelihood in Laplace's
-approximation (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 3.4).
+A reading y says that T + noise was within half a count of it, no more:
+ln P(y | T) = ln [Φ((y + q/2 − T)/σ) − Φ((y − q/2 − T)/σ)].
+While it stays within a count the temperature is told by the instants at which it went from one
+count to the next, and by how smooth it is: its second or third differences are normal with one
+deviation ρ (a smoothing spline, Wahba, Spline Models for Observational Data, 1990, ch. 1), larger
+at first where a device warms itself. The likeliest course is found by Newton's method, σ, ρ and
+the order by the marginal likelihood in Laplace's approximation (Rasmussen and Williams, Gaussian
+Processes for Machine Learning, 2006, sec. 3.4).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ ORDERS = (3, 2)
 SETTLING = (0.0, 1.0, 3.0, 10.0)
 """Time constants [means] in which a device that warms itself settles at first; 0: it does not."""
 SETTLING_DEVIATION = 4.0
-"""Deviation of how far it settles: self-heating of 0.3 to 2 K [counts]."""
+"""Deviation of how far it settles [counts]: self-heating by 1 to 2 K in counts of ¼ to ½ K."""
 MOVES = (
     (0, -1, 0, 0),
     (0, 1, 0, 0),

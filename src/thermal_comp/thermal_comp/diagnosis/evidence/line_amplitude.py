@@ -28,9 +28,9 @@ class LineCourses:
     """What a line of a set lacks where it is not steady, on all axes alike."""
 
     own: ColumnGroup
-    """What its cause may do to it."""
+    """By its own cause: a course of the amplitude, and of a phase that is not well known."""
     of_others: ColumnGroup | None
-    """What another cause would do; None where none makes such a line."""
+    """By another cause: courses of amplitude and phase; None where none makes such a line."""
 
 
 def courses_of_lines(
