@@ -24,7 +24,7 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.special import log_ndtr
 
-from thermal_comp.data.adaptive_spline import SETTLING_COST
+from thermal_comp.data.adaptive_spline import SETTLING_COST, SETTLING_K
 from thermal_comp.data.thermometer_counts import counts_of
 from thermal_comp.linear.differences import difference, penalty_bands, settling_differences
 
@@ -51,8 +51,6 @@ ORDERS = (3, 2)
 """Orders of the differences: of a die behind its package, and of one that air heats at once."""
 SETTLING = (0.0, 1.0, 3.0, 10.0)
 """Time constants [means] in which a device that warms itself settles at first; 0: it does not."""
-SETTLING_DEVIATION = 4.0
-"""Deviation of how far it settles [counts]: self-heating by 1 to 2 K in counts of ¼ to ½ K."""
 MOVES = (
     (0, -1, 0, 0),
     (0, 1, 0, 0),
@@ -131,7 +129,7 @@ def coarse_course(temperature: FloatArray, counts: Sequence[float] = ()) -> Coar
     rows = np.interp(temperature, levels, np.arange(last + 1)) + beyond / kelvin
     usual = median_filter(rows, 3, mode='nearest')
     rows = np.where(np.abs(rows - usual) > SPIKE, usual, rows)
-    readings = _Readings.of(rows[: size * every].reshape(size, every))
+    readings = _Readings.of(rows[: size * every].reshape(size, every), kelvin)
     noise, course, root = readings.likeliest()
     if noise > LARGEST_NOISE:
         return None
@@ -171,10 +169,12 @@ class _Readings:
     That of a mean over many counts, and for each while a count is held one observation of the
     temperature's mean, whose error is that of rounding.
     """
+    count: float
+    """Size of a count [K]."""
 
     @classmethod
-    def of(cls, counts: FloatArray) -> _Readings:
-        """Return those of rows (m, every)."""
+    def of(cls, counts: FloatArray, count: float) -> _Readings:
+        """Return those of rows (m, every) in counts of `count` [K]."""
         means = counts.mean(axis=1)
         low = np.floor(means)
         share, fine = means - low, np.ptp(counts, axis=1) > LARGEST_SPAN
@@ -185,7 +185,7 @@ class _Readings:
         middle = np.repeat(UNIFORM / length, length)
         middle[share > 0.0] = 0.0
         middle[fine] = FINE_NOISE**-2
-        return cls(means, low, weight, middle)
+        return cls(means, low, weight, middle, count)
 
     def likeliest(self) -> tuple[float, FloatArray, FloatArray]:
         """Return the likeliest noise with its course (m,) and banded Cholesky factor (b, m)."""
@@ -222,7 +222,10 @@ class _Readings:
         noise.
         """
         size = len(self.means)
-        prior = _Smoothness.of(size, ORDERS[order], DEVIATIONS[deviation], SETTLING[settling])
+        settles = settling_differences(
+            size, ORDERS[order], SETTLING_K / self.count, SETTLING[settling]
+        )
+        prior = _Smoothness(ORDERS[order], np.hypot(DEVIATIONS[deviation], settles))
         stiff, sigma = prior.bands(), NOISES[noise]
         damping = UNIFORM * float(self.weight.sum(axis=1).mean())
         if start is None:
@@ -268,12 +271,6 @@ class _Smoothness:
     order: int
     deviations: FloatArray
     """(m − order,) of the differences [counts]."""
-
-    @classmethod
-    def of(cls, size: int, order: int, deviation: float, settling: float) -> _Smoothness:
-        """Return that of `size` means: one deviation, beside what settles exponentially."""
-        settles = settling_differences(size, order, SETTLING_DEVIATION, settling)
-        return cls(order, np.hypot(deviation, settles))
 
     def penalty(self, course: FloatArray) -> float:
         """Return −ln of the prior of a course, but for a constant."""
