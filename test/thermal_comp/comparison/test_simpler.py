@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.preparation import prepare
@@ -37,6 +40,22 @@ def test_a_slope_that_changes_its_sign_from_cycle_to_cycle_is_worse_than_none() 
     assert len(said) == 1
     assert said[0].startswith('gyroscope x: the error on held-out parts is ')
     assert said[0].endswith(' times that of no model at all')
+
+
+def test_a_model_that_leaves_more_than_was_measured_is_worse_than_none() -> None:
+    _, die, *_ = chamber()
+    error = 1e-3 * (die - 20.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    runs = prepare(measured_by([run(error={'angular_velocity': error})], 'gyroscope'))
+    model = fit_prepared({'gyroscope': LINE}, runs)
+    part = model.sensors['gyroscope']
+    wrong = replace(part, coefficients=(-3.0 * part.coefficients[0],))
+    other = replace(model, sensors={'gyroscope': wrong})
+    compared = compare_prepared(other, runs)
+    assert compared.sensors['gyroscope'].held_out_rms == pytest.approx(
+        compare_prepared(model, runs).sensors['gyroscope'].held_out_rms
+    )
+    said = worse_than_simpler(other, compared, runs)
+    assert 'gyroscope x: the error is 4.00 times that of no model at all' in said
 
 
 def test_what_is_nothing_has_nothing_simpler() -> None:

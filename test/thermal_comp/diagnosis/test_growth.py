@@ -11,7 +11,7 @@ from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis import growth, undecided_terms
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.grown_model import Growth, held_out_error_rises
+from thermal_comp.diagnosis.grown_model import Growth, error_rises
 from thermal_comp.diagnosis.growth import add_effect, grow, raised_by
 from thermal_comp.diagnosis.result import Finding, RankedEffect
 from thermal_comp.effects import EFFECTS
@@ -191,8 +191,8 @@ def test_an_effect_that_spoils_one_axis_raises_the_error(grown: Growth) -> None:
     before, after = grown.before.sensors[SENSOR], grown.after.sensors[SENSOR]
     spoilt = replace(after, held_out_rms=before.held_out_rms * np.array([0.1, 0.1, 2.5]))
     compared = replace(grown.after, sensors={**grown.after.sensors, SENSOR: spoilt})
-    assert not held_out_error_rises(grown, [SENSOR])
-    assert held_out_error_rises(replace(grown, after=compared), [SENSOR])
+    assert not error_rises(grown, [SENSOR])
+    assert error_rises(replace(grown, after=compared), [SENSOR])
 
 
 def test_an_effect_that_raises_the_error_says_so_and_where(grown: Growth) -> None:
@@ -248,7 +248,7 @@ def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch)
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     spoiling = (EFFECTS['thermal_lag'](),)
     monkeypatch.setattr(undecided_terms, 'predictive_effects', lambda *_, **__: spoiling)
-    monkeypatch.setattr(undecided_terms, 'held_out_error_rises', lambda *_: True)
+    monkeypatch.setattr(undecided_terms, 'error_rises', lambda *_: True)
     assert grow(None, runs, FEW).steps == ()
 
 

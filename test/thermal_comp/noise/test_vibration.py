@@ -151,7 +151,7 @@ def test_a_note_says_how_many_blocks_count_less() -> None:
         + noise[SENSOR].added_by(prepared()[0].vibration, prepared()[0].period)
         / noise[SENSOR].variance_of_means(prepared()[0].period)
     ).max(axis=1)
-    assert f'{(factor > 2.0).mean():.0%} of the blocks' in note
+    assert f'{(factor > 2.0).sum()} of {len(factor)} blocks' in note
     assert f'up to {factor.max():.3g} times' in note
 
 

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from imu_recording import ImuRecording
 
+LEAST_TOLD_DISTANCE_K = 1.0
+"""Distance of the reference temperature from what was recorded, from which a word is said."""
+
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
     """Add the positional bags with --namespace and --topic."""
@@ -254,4 +257,11 @@ def save_unless_worse(
         return str(error), CHECK_FAILED
     lows, highs = zip(*(s.temperature_range for s in model.sensors.values()), strict=True)
     low, high = min(lows), max(highs)
-    return f'saved {options.output}, which holds from {low:.1f} to {high:.1f} °C', 0
+    saved = f'saved {options.output}, which holds from {low:.1f} to {high:.1f} °C'
+    reference = model.reference_temperature
+    if (beyond := max(low - reference, reference - high)) >= LEAST_TOLD_DISTANCE_K:
+        saved += (
+            f'; it corrects to what values are at {reference:g} °C, {beyond:.1f} K outside that: '
+            'measure a bias with the model applied, not without'
+        )
+    return saved, 0

@@ -17,7 +17,7 @@ from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.diagnosis.grown_model import (
     Growth,
     effects_by_sensor,
-    held_out_error_rises,
+    error_rises,
     with_effects,
 )
 from thermal_comp.diagnosis.result import Finding
@@ -53,7 +53,7 @@ def with_named_effect(
         grown = _with_best_of_alike(model, runs, noise, settings, found, forms, report)
         if grown is None:
             continue
-        if held_out_error_rises(grown, grown.steps[-1].sensors):
+        if error_rises(grown, grown.steps[-1].sensors):
             report(f'{found.name} ({found.sensor}) raises the held-out error: left out')
         elif grown.steps[-1].lowered:
             return grown, [*(f for _, f in waiting), *named[number + 1 :]]

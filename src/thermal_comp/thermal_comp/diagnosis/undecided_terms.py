@@ -13,7 +13,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.grown_model import (
     Growth,
     effects_by_sensor,
-    held_out_error_rises,
+    error_rises,
     noise_by_sensor,
     with_effects,
 )
@@ -75,7 +75,7 @@ def with_undecided_terms(
     if not added:
         return None
     grown = with_effects(model, runs, noise, listed, added, kept=kept, empirical=True)
-    good = {s: effects for s, effects in added.items() if not held_out_error_rises(grown, [s])}
+    good = {s: effects for s, effects in added.items() if not error_rises(grown, [s])}
     if len(good) < len(added):  # refitted together they do not keep what they promised
         if not good:
             return None

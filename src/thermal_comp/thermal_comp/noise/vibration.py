@@ -174,6 +174,6 @@ def note_of_vibration(noise: NoiseModel, runs: Sequence[PreparedRun], sensor: Se
         return ''
     return (
         f'{sensor}: its noise grows with vibration, up to {factor.max():.3g} times; '
-        f'{np.mean(factor > SHAKEN_NOISE_RATIO):.0%} of the blocks have more than '
+        f'{np.sum(factor > SHAKEN_NOISE_RATIO)} of {len(factor)} blocks have more than '
         f'{SHAKEN_NOISE_RATIO:g} times that of still ones and count as much less'
     )
