@@ -14,7 +14,7 @@ from thermal_comp.model.values import ModelError
 
 from imu_recording import ImuRecording
 
-from ..campaign import measured_by, run
+from ..campaign import PERIOD, lagging, measured_by, run
 
 LINE = (EFFECTS['bias_temperature'](),)
 FEW = {name: EFFECTS[name] for name in ('thermal_lag', 'thermal_hysteresis')}
@@ -75,6 +75,26 @@ def test_a_step_in_twenty_minutes_is_named_though_no_other_could_be_tried() -> N
     stepped = replace(recording, angular_velocity=shifted)
     found = diagnose([stepped], catalogue={'bias_step': EFFECTS['bias_step']})
     assert [f.name for f in found.findings if f.sensor == 'gyroscope'][:1] == ['bias_step']
+
+
+def test_what_takes_minutes_in_a_chamber_is_found_in_seconds_under_a_heat_gun() -> None:
+    shorter = 100.0
+    whole = run('+z', cycles=1)
+    behind = lagging(whole.temperature, 400.0, PERIOD) - whole.temperature
+    error = np.outer(behind, [2e-3, -1e-3, 4e-3])
+    played = replace(
+        whole,
+        stamp=whole.stamp[0] + ((whole.stamp - whole.stamp[0]) / shorter).astype(np.int64),
+        phase=None,
+        cycle=None,
+        linear_acceleration=whole.linear_acceleration + error,
+    )
+    assert played.time[-1] < 110.0
+    found = diagnose(measured_by([played], 'accelerometer'), catalogue=FEW)
+    (finding,) = [f for f in found.findings if f.kind == 'effect']
+    assert finding.name == 'thermal_lag'
+    assert finding.parameters['time_constant']['value'] == pytest.approx(400.0 / shorter, rel=0.2)
+    assert finding.error_after < 1.2 * finding.noise_floor
 
 
 @pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.long)])

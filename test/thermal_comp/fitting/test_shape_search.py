@@ -40,11 +40,16 @@ def test_values_come_back_from_their_scales(effect: Effect) -> None:
 
 
 def test_times_are_searched_in_ratios_and_no_longer_than_the_run() -> None:
-    (scale,) = shape_scales(EFFECTS['thermal_lag'](), 600.0)
+    (scale,) = shape_scales(EFFECTS['thermal_lag'](), 2000.0)
     values = np.array([scale.back(v) for v in scale.grid()])
-    assert values[[0, -1]] == pytest.approx([10.0, 600.0])
-    assert values[1:] / values[:-1] == pytest.approx(60.0 ** (1.0 / (len(values) - 1)))
-    assert scale.back(scale.forward(1e6)) == pytest.approx(600.0)
+    assert values[[0, -1]] == pytest.approx([10.0, 2000.0])
+    assert values[1:] / values[:-1] == pytest.approx(200.0 ** (1.0 / (len(values) - 1)))
+    assert scale.back(scale.forward(1e6)) == pytest.approx(2000.0)
+
+
+def test_a_run_of_a_minute_is_searched_for_times_of_a_second() -> None:
+    (scale,) = shape_scales(EFFECTS['thermal_lag'](), 60.0)
+    assert (scale.low, scale.high) == pytest.approx((0.6, 60.0))
 
 
 def design(true: float, start: float) -> Design:

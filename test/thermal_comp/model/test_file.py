@@ -129,7 +129,7 @@ SENSOR = ('sensors', 'accelerometer')
         ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2]], r'effects\[0\].coefficients: has sha'),
         ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2, float('inf')]], 'expected a finite'),
         ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2, 'x']], "'x' is no number"),
-        ((*SENSOR, 'effects', 1, 'shape', 'time_constant', 'value'), 1.0, 'expected 10 … 3600'),
+        ((*SENSOR, 'effects', 1, 'shape', 'time_constant', 'value'), 0.1, 'expected 0.2 … 3600'),
         ((*SENSOR, 'effects', 1, 'shape', 'time_constant'), KeyError, 'time_constant: missing'),
         ((*SENSOR, 'effects', 1, 'shape', 'width'), {'value': 1}, 'has no such parameter'),
         ((*SENSOR, 'effects', 2, 'coefficients'), [[1, 2, 3]], r'effects\[2\].coefficients'),

@@ -58,5 +58,5 @@ class BiasCreep(Effect):
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return times up to where a run of some hours cannot tell creep from drift."""
         counted = (0.0, 1.0) if any(campaign.times_before) else (0.0,)
-        times = np.geomspace(60.0, 8000.0, 6).tolist()
+        times = (campaign.time_scale * np.geomspace(60.0, 8000.0, 6)).tolist()
         return [Candidate(cls(time, first)) for first in counted for time in times]

@@ -80,7 +80,8 @@ class BiasStep(Effect):
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return steps all along, in all runs at once or in one, and each run's likeliest."""
         found = []
-        for time in np.arange(SEARCH_SPACING_S, max(campaign.durations), SEARCH_SPACING_S):
+        spacing = campaign.time_scale * SEARCH_SPACING_S
+        for time in np.arange(spacing, max(campaign.durations), spacing):
             step = cls((float(time),))
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
@@ -92,7 +93,7 @@ def _is_edge(candidate: Candidate, campaign: Campaign) -> bool:
     """Tell whether a step belongs to one that is known: no two lie so close together."""
     (time,) = candidate.effect.occurrences
     return any(
-        abs(time - known) < LONGEST_DURATION_S
+        abs(time - known) < campaign.time_scale * LONGEST_DURATION_S
         and (run == candidate.run or None in (run, candidate.run))
         for run, known in campaign.occurred
     )

@@ -13,6 +13,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.data.time_scale import LEAST_TIME_SCALE, time_scale
 from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.resolution import example_cycle, refined, thinned
 
@@ -38,7 +39,8 @@ def shape_parameter(
 ) -> Any:
     """Declare a nonlinear parameter of an effect: default, unit and bounds of every value.
 
-    `searched` are bounds of the search where they are closer. A search moves a value by a share
+    `searched` are bounds of the search where they are closer; of recordings of minutes times are
+    shorter than either (`time_scale`). A search moves a value by a share
     of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency;
     by default where the bounds include negative values. `given` ones are part of the form,
     neither searched nor fitted, but for a choice among `live_forms`. `assumed`: a model file
@@ -55,6 +57,18 @@ def shape_parameter(
         'assumed': assumed,
     }
     return field(default=default, metadata=metadata)
+
+
+def shape_bounds(
+    item: Field[Any], scale: float = LEAST_TIME_SCALE, *, searched: bool = False
+) -> tuple[float, float]:
+    """Return the bounds of a shape parameter, or those within which it is searched.
+
+    Times [s] are as short as `scale` allows (`time_scale`), by default that of any recording.
+    """
+    closer = item.metadata.get('searched') if searched else None
+    low, high = closer or item.metadata.get('bounds', (-np.inf, np.inf))
+    return (scale * low if item.metadata.get('unit') == 's' and low > 0.0 else low), high
 
 
 @dataclass(frozen=True)
@@ -84,6 +98,11 @@ class Campaign:
     """Channels that were logged in every run."""
     occurred: Sequence[tuple[int | None, float]] = ()
     """Run, None for all, and time [s] of known events: near one no other is looked for."""
+
+    @property
+    def time_scale(self) -> float:
+        """Share of the usual times that those of these runs are."""
+        return time_scale(max(self.durations))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
-SMOOTHINGS_S = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+SMOOTHINGS_S = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Time constants of the derivative filter that are tried [s]."""
 
 
@@ -60,7 +60,7 @@ class TemperatureRate(Effect):
         return (2.0 * rate - delayed)[:, None], (first_state, second_state)
 
     def live_forms(self) -> tuple[TemperatureRate, ...]:
-        """Return it with derivatives smoothed over seconds to a quarter of an hour."""
+        """Return it with derivatives smoothed over less than a second to a quarter of an hour."""
         others = [value for value in SMOOTHINGS_S if value != self.smoothing]
         return (self, *(replace(self, smoothing=value) for value in others))
 

@@ -127,8 +127,10 @@ class ThermalGradient(Effect):
         """
         forms = [cls(float(number)) for number in range(1 + len(cls.substitutes))]
         measured = [form for form in forms if campaign.channels.issuperset(form.needs)]
+        scale = campaign.time_scale
         estimated = [
-            cls(ESTIMATED_FROM_DIE, *pair) for pair in product(BOARD_SETTLINGS_S, HEATING_TIMES_S)
+            cls(ESTIMATED_FROM_DIE, scale * settling, scale * heating)
+            for settling, heating in product(BOARD_SETTLINGS_S, HEATING_TIMES_S)
         ]
         return [Candidate(form) for form in (*measured, *estimated)] if measured else []
 
@@ -186,4 +188,8 @@ class GuessedGradient(Effect):
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return settling times of a board to those of a housing."""
-        return [Candidate(cls(*pair)) for pair in product(SETTLINGS_S, HEATING_TIMES_S)]
+        scale = campaign.time_scale
+        return [
+            Candidate(cls(scale * settling, scale * heating))
+            for settling, heating in product(SETTLINGS_S, HEATING_TIMES_S)
+        ]

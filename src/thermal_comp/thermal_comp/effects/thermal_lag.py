@@ -68,7 +68,8 @@ class ThermalLag(Effect):
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return lags from the fastest that is more than a rate of change."""
-        return [Candidate(cls(float(t))) for t in TIME_CONSTANTS_S if t <= 3600.0]
+        times = TIME_CONSTANTS_S[TIME_CONSTANTS_S <= 3600.0]
+        return [Candidate(cls(float(t))) for t in campaign.time_scale * times]
 
     @classmethod
     def sample_forms(cls) -> list[Self]:

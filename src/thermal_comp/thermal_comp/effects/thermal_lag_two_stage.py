@@ -68,7 +68,7 @@ class ThermalLagTwoStage(Effect):
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return pairs of lags that are well apart."""
         return [
-            Candidate(cls(fast, slow))
+            Candidate(cls(campaign.time_scale * fast, campaign.time_scale * slow))
             for fast, slow in combinations(TIME_CONSTANTS_S.tolist(), 2)
             if slow > cls.least_ratio * fast and fast <= 1800.0 and slow >= 120.0
         ]

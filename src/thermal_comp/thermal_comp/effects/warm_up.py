@@ -46,7 +46,8 @@ class WarmUp(Effect):
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return time constants from a minute to two hours."""
-        return [Candidate(cls(float(t))) for t in np.geomspace(60.0, 7200.0, 10)]
+        times = campaign.time_scale * np.geomspace(60.0, 7200.0, 10)
+        return [Candidate(cls(float(t))) for t in times]
 
     @classmethod
     def sample_forms(cls) -> list[Self]:

@@ -12,7 +12,8 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.spectral_lines import spectral_lines
-from thermal_comp.effects.effect import Effect
+from thermal_comp.data.time_scale import time_scale
+from thermal_comp.effects.effect import Effect, shape_bounds
 from thermal_comp.linear.design import Design, FreeTerm, Term
 
 GRID_POINTS = 13
@@ -61,7 +62,7 @@ def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
     """Return the search scales of an effect; times [s] end with the run's `duration`."""
     scales = []
     for item in effect.free_parameters:
-        low, high = item.metadata['bounds']
+        low, high = shape_bounds(item, time_scale(duration))
         if item.metadata['unit'] == 's':
             high = max(min(high, duration), 1.001 * low)
         value = getattr(effect, item.name)

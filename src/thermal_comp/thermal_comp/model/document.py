@@ -14,7 +14,7 @@ from imu_recording.user_error import did_you_mean
 
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import Effect, shape_bounds
 from thermal_comp.effects.user_effects import source_of
 from thermal_comp.model.bounds import (
     impossible_sizes,
@@ -267,7 +267,7 @@ def _effect(item: Field, catalogue: Mapping[str, type[Effect]], std: Stds) -> Ef
         entry.only('value', 'unit', *std)
         _check_unit(entry, known[key].metadata.get('unit', ''))
         values = entry['value'].array()
-        low, high = known[key].metadata.get('bounds', (-np.inf, np.inf))
+        low, high = shape_bounds(known[key])
         # The ends of the range may be off by a rounding of the search scale.
         slack = 1e-9 * max(abs(low), abs(high)) if np.isfinite([low, high]).all() else 0.0
         if not ((low - slack <= values) & (values <= high + slack)).all():

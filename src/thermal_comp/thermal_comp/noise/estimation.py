@@ -15,6 +15,7 @@ from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.time_scale import time_scale
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import LEAST_NEW_LENGTH, orthonormal, project_out
 from thermal_comp.model.values import NoiseModel
@@ -64,24 +65,29 @@ def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedMod
     those taken before, explain in each run and axis (least squares, whose coefficients have the
     covariance (VᵀV)⁻¹ Vᵀ S V (VᵀV)⁻¹ under noise of covariance S).
     """
-    air = ('chamber_temperature',)
+    air, scale = ('chamber_temperature',), time_scale(_longest(runs))
     logged = [
         channel.field
         for channel in ACTING_CHANNELS
         if any(run.block_conditions.has(channel.field) for run in runs)
     ]
     if not logged:
-        return SaturatedModel(air)
-    noise = _noise_beside(runs, sensor, (), SaturatedModel((*air, *logged)))
+        return SaturatedModel(air, time_scale=scale)
+    noise = _noise_beside(runs, sensor, (), SaturatedModel((*air, *logged), time_scale=scale))
     acting: list[str] = []
     while logged:
-        model = SaturatedModel((*air, *acting))
+        model = SaturatedModel((*air, *acting), time_scale=scale)
         chance = _chances(runs, sensor, noise, model, logged)
         best = int(np.argmin(chance))
         if chance[best] > CHANNEL_SIGNIFICANCE:
             break
         acting.append(logged.pop(best))
-    return SaturatedModel((*air, *sorted(acting)))
+    return SaturatedModel((*air, *sorted(acting)), time_scale=scale)
+
+
+def _longest(runs: Sequence[PreparedRun]) -> float:
+    """Return how long the longest run lasts [s]."""
+    return max(float(run.time[-1] - run.time[0]) for run in runs)
 
 
 def _chances(
@@ -117,7 +123,7 @@ def _noise_beside(
     beyond = not_followed(runs, sensor, effects, model)
     furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
     vibration = noise_of_vibration(runs, sensor, model, furthers)
-    times = correlation_times(max(float(run.time[-1] - run.time[0]) for run in runs))
+    times = correlation_times(_longest(runs))
     spectra = [
         _spectrum(run, sensor, model, further, vibration, times)
         for run, further in zip(runs, furthers, strict=True)

@@ -14,7 +14,7 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
 
-LAGS_S = (60.0, 180.0, 540.0, 1620.0)
+LAGS_S: FloatArray = np.array([60.0, 180.0, 540.0, 1620.0])
 """Time constants of its lagged temperatures [s]."""
 
 BRANCH_LAG_S = 120.0
@@ -44,21 +44,25 @@ class SaturatedModel:
     """Logged channels whose effects it follows."""
     over_time: bool = True
     """Whether it follows what changes with time since power-on and from cycle to cycle."""
+    time_scale: float = 1.0
+    """Share of the usual times that its own are (`time_scale`)."""
 
     def __call__(self, run: PreparedRun) -> FloatArray:
         """Return an orthonormal basis (m, p) over the blocks of a run."""
         if not self.over_time:
             return joined_basis(self._repeatable(run))
-        columns = [*self._repeatable(run), *_slow(run)]
-        return joined_basis(_columns_of_few_blocks(run) if _too_many(columns, run) else columns)
+        columns = [*self._repeatable(run), *_slow(run, self.time_scale)]
+        if _too_many(columns, run):
+            columns = _columns_of_few_blocks(run, self.time_scale)
+        return joined_basis(columns)
 
     def follows_any_effect(self, run: PreparedRun) -> bool:
         """Tell whether a run has blocks enough for columns that follow every effect."""
-        return not _too_many([*self._repeatable(run), *_slow(run)], run)
+        return not _too_many([*self._repeatable(run), *_slow(run, self.time_scale)], run)
 
     def _repeatable(self, run: PreparedRun) -> list[FloatArray]:
         own = (channel_columns(run, channel) for channel in self.channels)
-        return [*_of_temperature(run), *own]
+        return [*_of_temperature(run, self.time_scale), *own]
 
 
 def channel_columns(run: PreparedRun, channel: str) -> FloatArray:
@@ -79,14 +83,15 @@ def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
     return orthonormal(np.concatenate(columns, axis=1))
 
 
-def _of_temperature(run: PreparedRun) -> list[FloatArray]:
+def _of_temperature(run: PreparedRun, scale: float) -> list[FloatArray]:
     """Return columns of temperature by branch, lags, plays and ice."""
     temperature = run.temperature
     time = run.time
-    branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
+    behind = follow(time, temperature, scale * BRANCH_LAG_S, held=True)[0]
+    branch = np.sign(temperature - behind)
     spline = _spline(temperature)
     blocks = [run.level_columns, spline, spline * branch[:, None]]
-    lagged = [follow(time, temperature, lag, held=True)[0] for lag in LAGS_S]
+    lagged = [follow(time, temperature, lag, held=True)[0] for lag in scale * LAGS_S]
     blocks += [(temperature - followed)[:, None] for followed in lagged]
     blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS_K]
     ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE_TIMES_S]
@@ -112,21 +117,21 @@ def _effective_blocks(run: PreparedRun) -> float:
     return float(np.maximum(lengths * np.minimum(lengths / pause, 1.0), 1.0).sum())
 
 
-def _columns_of_few_blocks(run: PreparedRun) -> list[FloatArray]:
+def _columns_of_few_blocks(run: PreparedRun, scale: float) -> list[FloatArray]:
     """Return the columns of a run of few effective blocks."""
     temperature, time = run.temperature, run.time
     low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)
     x, t = (temperature - low) / span, (time - time[0]) / max(float(np.ptp(time)), 1.0)
-    lagged = x - follow(time, x, LAGS_S[1], held=True)[0]
+    lagged = x - follow(time, x, scale * LAGS_S[1], held=True)[0]
     return [np.stack([np.ones_like(x), x, x**2, x**3, t, t**2, lagged], axis=1)]
 
 
-def _slow(run: PreparedRun) -> list[FloatArray]:
+def _slow(run: PreparedRun, scale: float) -> list[FloatArray]:
     """Return columns of time since power-on and of cycles."""
     since = run.time - run.time[0]
     share = (since / max(since[-1], 1.0))[:, None]
     centred = (run.temperature - run.temperature.mean())[:, None]
-    blocks = [np.exp(-since[:, None] / np.array([300.0, 1800.0]))]
+    blocks = [np.exp(-since[:, None] / (scale * np.array([300.0, 1800.0])))]
     blocks += [share, centred * share, centred * share**2]
     if run.cycle is not None:
         levels = [run.cycle == number for number in np.unique(run.cycle)]

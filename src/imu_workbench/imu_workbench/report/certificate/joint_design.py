@@ -16,7 +16,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import Effect, shape_bounds
 from thermal_comp.model.values import SensorModel
 
 LARGEST_CONDITION = 300.0
@@ -267,7 +267,7 @@ def _shape_column(
 ) -> FloatArray:
     """(m, 3) change of the modelled error with a shape parameter, over one deviation each way."""
     effect, values = model.effects[shape.effect], model.coefficients[shape.effect]
-    low, high = next(f.metadata['bounds'] for f in fields(effect) if f.name == shape.name)
+    low, high = next(shape_bounds(f) for f in fields(effect) if f.name == shape.name)
     ends = [min(max(shape.value + by, low), high) for by in (-shape.std, shape.std)]
     place = place_of(run, model)
     below, above = (

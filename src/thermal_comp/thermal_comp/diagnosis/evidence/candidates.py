@@ -15,7 +15,8 @@ from thermal_comp.data.acting_channels import channel_label
 from thermal_comp.data.conditions import Sensor, logged_channels
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import frequencies_told_apart
-from thermal_comp.effects.effect import Campaign, Candidate, Effect
+from thermal_comp.data.time_scale import time_scale
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, shape_bounds
 from thermal_comp.effects.operators import rise
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
@@ -158,6 +159,10 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
     )
 
 
+def _time_scale(design: CandidateDesign) -> float:
+    return time_scale(max(float(run.time[-1]) for run in design.source.runs))
+
+
 def step_times(
     design: CandidateDesign, known: Sequence[ColumnGroup] = ()
 ) -> list[tuple[int, float, float]]:
@@ -169,6 +174,7 @@ def step_times(
     """
     found = []
     residual = design.residual(known)
+    distance = _time_scale(design) * STEP_DISTANCE_S
     for number, run in enumerate(design.source.runs):
         time = run.time[design.valid[number]]
         response = np.cumsum(design.transposed(number, residual)[::-1], axis=0)[::-1]
@@ -179,7 +185,7 @@ def step_times(
                 break
             middle = float(0.5 * (time[at - 1] + time[at]))
             found.append((number, *_likeliest_rise(design, residual, number, middle)))
-            strength[np.abs(time - time[at]) < STEP_DISTANCE_S] = 0.0
+            strength[np.abs(time - time[at]) < distance] = 0.0
     return found
 
 
@@ -188,13 +194,14 @@ def _likeliest_rise(
 ) -> tuple[float, float]:
     """Return start and duration [s] of the step near a time that explains most of a residual."""
     run = design.source.runs[number]
-    middles = np.full(len(STEP_DURATIONS_S), middle)
+    durations = _time_scale(design) * np.array(STEP_DURATIONS_S)
+    middles = np.full(len(durations), middle)
     reach = run.period
     for _ in range(STEP_ROUNDS):
         tried = middles[:, None] + reach * np.linspace(-1.0, 1.0, STEP_PLACES)
-        starts = np.maximum(tried - 0.5 * np.array(STEP_DURATIONS_S)[:, None], 0.0)
+        starts = np.maximum(tried - 0.5 * durations[:, None], 0.0)
         forms = list(
-            zip(starts.ravel().tolist(), np.repeat(STEP_DURATIONS_S, STEP_PLACES), strict=True)
+            zip(starts.ravel().tolist(), np.repeat(durations, STEP_PLACES).tolist(), strict=True)
         )
         delta_chi2 = _delta_chi2(design, residual, number, forms).reshape(tried.shape)
         middles = tried[np.arange(len(tried)), delta_chi2.argmax(axis=1)]
@@ -285,17 +292,18 @@ def moved_forms(
 
     Each of `ways` says by what power of `ratio` every parameter is multiplied.
     """
-    effects = [_moved(form.effect, ratio, way) for way in ways]
+    scale = _time_scale(design)
+    effects = [_moved(form.effect, ratio, way, scale) for way in ways]
     design.terms([part for effect in effects if effect for part in effect.parts()])
     return [None if e is None else form_of(design, e, form.run) for e in effects]
 
 
-def _moved(effect: Effect, ratio: float, powers: Sequence[float]) -> Effect | None:
+def _moved(effect: Effect, ratio: float, powers: Sequence[float], scale: float) -> Effect | None:
     left = iter(powers)
     changed: dict[str, Any] = {}
     for item in effect.free_parameters:
         value: Any = getattr(effect, item.name)
-        low, high = item.metadata.get('searched') or item.metadata['bounds']
+        low, high = shape_bounds(item, scale, searched=True)
         step = item.metadata.get('step')
         several = isinstance(value, tuple)
         new = tuple(
