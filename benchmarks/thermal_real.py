@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real recordings: the error that is left on parts no model was fitted to, ours beside the peers'.
 
-Judged is the rms of 20 s means of measured minus predicted about the level of the fit, per axis.
+Judged is the rms of 20 s means (shorter in a recording of minutes) of measured minus predicted
+about the level of the fit, per axis.
 Recordings are read from ../shared/data (--data) or given with --recording; nothing is fetched.
 Peers (requirements-bench.txt) see temperature, its rate and three lagged temperatures; a line is
 taken out before the Gaussian process and the boosted trees, so that they extrapolate with it.
@@ -39,6 +40,7 @@ from thermal_real_cases import (
     fold_of,
     given_case,
     public_cases,
+    scale_of,
     values_of,
     within_range,
 )
@@ -135,7 +137,8 @@ def remaining_dependence(case: Case, residual: FloatArray) -> tuple[str, float]:
     folds = [fold_of(case.recording, part) for part in case.held_out]
     inputs = np.concatenate([features(fold)[~fold.seen] for fold in folds])
     seconds = np.concatenate([fold.means(fold.recording.time)[~fold.seen] for fold in folds])
-    names = ('temperature', 'rate', *(f'lag of {lag:g} s' for lag in LAGS_S), 'time')
+    lags = scale_of(case.recording) * np.array(LAGS_S)
+    names = ('temperature', 'rate', *(f'lag of {lag:.3g} s' for lag in lags), 'time')
     known = np.isfinite(residual)
     wanted = residual[known] - residual[known].mean()
     shares = {}
@@ -153,7 +156,8 @@ def report(case: Case, results: Sequence[Result]) -> list[dict[str, Any]]:
     heads = [f'{s[:3]} {axis} {units[s][0]}' for s in sensors for axis in 'xyz']
     width = max(len(head) for head in heads) + 2
     inside = within_range(case)
-    print(f'\n{case.name}: held-out rms of {MEAN_S:g} s means, {len(case.held_out)} fits')
+    mean_s = scale_of(case.recording) * MEAN_S
+    print(f'\n{case.name}: held-out rms of {mean_s:.3g} s means, {len(case.held_out)} fits')
     print(
         f'{"":24}' + ''.join(f'{h:>{width}}' for h in heads) + f'{"numbers":>9}{"s":>8}{"× GP":>7}'
     )

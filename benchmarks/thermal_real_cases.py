@@ -12,13 +12,15 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
 from imu_recording.tables.csv_import import import_csv
 from numpy.typing import NDArray
+from thermal_comp.data.time_scale import time_scale
 from thermal_comp.effects.operators import follow
 
 from imu_recording import ImuRecording, read_bag
 
 ROOT = Path(__file__).resolve().parents[1]
 MEAN_S = 20.0
-"""What is judged are means over this time [s]."""
+"""What is judged are means over this time [s]; it and those below are shorter where a recording is
+(`time_scale`)."""
 RATE_S = 30.0
 """Time constant of the rate that peers see [s]."""
 LAGS_S = (60.0, 300.0, 1200.0)
@@ -49,7 +51,7 @@ class Fold:
     recording: ImuRecording
     train: Mask
     blocks: NDArray[np.int64]
-    """(m, 2) first row of each block of MEAN_S and the first one after it."""
+    """(m, 2) first row of each block and the first one after it."""
     seen: Mask
     """(m,) blocks the fit sees; the others are judged."""
 
@@ -66,12 +68,17 @@ def values_of(recording: ImuRecording, sensor: str) -> FloatArray:
     return values
 
 
+def scale_of(recording: ImuRecording) -> float:
+    """Return by what all times are shorter than usual."""
+    return time_scale(float(recording.time[-1]))
+
+
 def fold_of(recording: ImuRecording, held_out: slice) -> Fold:
     """Return the fit to all rows but the held-out ones; no block reaches over a border."""
     n = len(recording)
     train = np.ones(n, dtype=bool)
     train[held_out] = False
-    rows = max(round(MEAN_S / (float(recording.time[-1]) / (n - 1))), 1)
+    rows = max(round(scale_of(recording) * MEAN_S / (float(recording.time[-1]) / (n - 1))), 1)
     borders = [0, *(np.flatnonzero(np.diff(train.astype(int))) + 1).tolist(), n]
     starts = [k for a, b in pairwise(borders) for k in range(a, b - rows + 1, rows)]
     blocks = np.array([(k, k + rows) for k in starts], dtype=np.int64)
@@ -82,8 +89,9 @@ def features(fold: Fold) -> FloatArray:
     """Return (m, 5) block means of temperature, rate and lagged minus present temperatures."""
     seconds, temperature = fold.recording.time, fold.recording.temperature
     held = np.interp(np.arange(len(temperature)), *_finite(temperature))
-    lagged = [follow(seconds, held, lag)[0] - held for lag in (RATE_S, *LAGS_S)]
-    return fold.means(np.column_stack([held, -lagged[0] / RATE_S, *lagged[1:]]))
+    times = scale_of(fold.recording) * np.array([RATE_S, *LAGS_S])
+    lagged = [follow(seconds, held, lag)[0] - held for lag in times]
+    return fold.means(np.column_stack([held, -lagged[0] / times[0], *lagged[1:]]))
 
 
 def _finite(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
