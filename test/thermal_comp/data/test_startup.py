@@ -3,7 +3,9 @@
 
 import numpy as np
 import pytest
-from thermal_comp.data.startup import decay_of
+from thermal_comp.data.startup import cut_startup, decay_of, startup_rows
+
+from imu_recording import ImuRecording
 
 TIME = np.arange(0.0, 8000.0, 10.0)
 LEVELS = np.array([9.8, -0.2, 0.35, 22.0, -40.0])
@@ -35,3 +37,25 @@ def test_what_is_not_seen_twice_as_long_is_not_judged() -> None:
     values = LEVELS * (1.0 - 0.5 * np.exp(-TIME / 150.0))[:, None]
     soon = TIME < 1000.0
     assert decay_of(TIME[soon], noisy(values)[soon]) is None
+
+
+def read_from(row: int, **changed: np.ndarray) -> ImuRecording:
+    """Return a recording of 400 s whose thermometer shows 25 °C until a row, then what is."""
+    stamp = np.arange(400) * 10**9
+    die = 41.0 + 0.02 * np.arange(400.0)
+    die[:row] = 25.0
+    still = np.zeros((400, 3))
+    return ImuRecording(stamp, still, still + 9.8, still, changed.get('temperature', die))
+
+
+@pytest.mark.parametrize(('row', 'below'), [(1, '16.0'), (15, '16.3')])
+def test_rows_before_a_thermometer_was_read_are_cut(row: int, below: str) -> None:
+    cut = cut_startup(read_from(row))
+    assert len(cut) == 400 - row
+    assert cut.notes[0].endswith(f'their temperature {below} K below the next')
+
+
+def test_a_thermometer_that_jumps_late_or_again_and_again_is_left_alone() -> None:
+    assert startup_rows(read_from(100))[0] == 0
+    coarse = np.floor(np.arange(400.0) / 8.0)
+    assert startup_rows(read_from(0, temperature=coarse))[0] == 0

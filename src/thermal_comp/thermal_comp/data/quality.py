@@ -101,9 +101,9 @@ def check_recording(
 ) -> tuple[ImuRecording, list[QualityFinding]]:
     """Return one recording with its defective rows unknown, and what was defective."""
     findings = []
-    cut, factor = startup_rows(recording)
+    cut, said = startup_rows(recording)
     if cut:
-        text = f'run {run}: first {cut} rows, starting at {factor:.2f} of the level'
+        text = f'run {run}: first {cut} rows, {said}'
         findings.append(QualityFinding('startup_transient', 'all', cut, text))
     recording, found = _check_instruments(recording, run)
     findings += found

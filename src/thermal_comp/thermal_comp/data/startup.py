@@ -2,7 +2,8 @@
 """The start-up transient of a recording: all channels rise to their levels by one common factor.
 
 A filter that started at zero scales gravity and field alike; temperature and motion do not. What
-settles slowly is told by its form, an exponential that is common to the channels.
+settles slowly is told by its form, an exponential that is common to the channels. A thermometer
+that was not read yet shows what it showed before, or what its register holds by default.
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ UNEXPLAINED_SHARE = 0.005
 """Median share of the channels' variance that a fit may leave beyond their noise."""
 FIT_VARIANCE_RATIO = 1.5
 """Variance about a fit, over that of white noise as rows differ: slow noise adds some."""
+STALE_K, STALE_RATIO = 1.0, 5.0
+"""Least jump of a thermometer from one row to the next [K], and least ratio to every other step of
+the recording, from which what was before it is stale …"""
+STALE_S, STALE_SHARE = 60.0, 0.05
+"""… and the beginning in which such a jump is looked for [s], as a share of the recording."""
 MEDIAN_OF_SQUARE = 0.455
 """Median of the square of a normal variable of unit variance."""
 
@@ -55,18 +61,46 @@ def cut_startup(recording: ImuRecording) -> ImuRecording:
     >>> len(cut_startup(raw)), cut_startup(raw).notes[0]
     (395, 'start-up transient cut: 5 samples, 5.0 s, first at 0.54 of the level')
     """
-    rows, factor = startup_rows(recording)
+    rows, said = startup_rows(recording)
     if not rows:
         return recording
     seconds = (recording.stamp[rows] - recording.stamp[0]) * 1e-9
     return recording.rows(slice(rows, None)).with_notes(
-        f'start-up transient cut: {rows} samples, {seconds:.1f} s, '
-        f'first at {factor:.2f} of the level'
+        f'start-up transient cut: {rows} samples, {seconds:.1f} s, {said}'
     )
 
 
-def startup_rows(recording: ImuRecording) -> tuple[int, float]:
-    """Return how many first rows are a start-up transient, and the first row's common factor.
+def startup_rows(recording: ImuRecording) -> tuple[int, str]:
+    """Return how many first rows are a start-up, and how they differ from those after them."""
+    filling, factor = _filling_rows(recording)
+    stale, jump = _stale_rows(recording)
+    if stale > filling:
+        return (
+            stale,
+            f'their temperature {abs(jump):.1f} K {"above" if jump > 0 else "below"} the next',
+        )
+    return filling, f'first at {factor:.2f} of the level'
+
+
+def _stale_rows(recording: ImuRecording) -> tuple[int, float]:
+    """Return how many first rows a thermometer was not read in, and how far it was off [K].
+
+    No die jumps; a thermometer does once, when it is first read.
+    """
+    known = np.flatnonzero(np.isfinite(recording.temperature))
+    if len(known) < 3:
+        return 0, 0.0
+    seconds, steps = recording.time, np.diff(recording.temperature[known])
+    place = int(np.argmax(np.abs(steps)))
+    jump = abs(float(steps[place]))
+    others = float(np.abs(np.delete(steps, place)).max())
+    begun = seconds[known[place + 1]] <= min(STALE_S, STALE_SHARE * seconds[-1])
+    stale = begun and jump >= STALE_K and jump > STALE_RATIO * others
+    return (int(known[place + 1]), -float(steps[place])) if stale else (0, 0.0)
+
+
+def _filling_rows(recording: ImuRecording) -> tuple[int, float]:
+    """Return how many first rows filters fill up in, and the first row's common factor.
 
     While filters that started at zero fill up, all large channels have the same ratio to their
     settled levels.
