@@ -153,3 +153,15 @@ def test_a_note_stands_once() -> None:
     told = Diagnosis('dut1', (), {}, {}, (), (note, note)).to_dict()
     assert told['notes'] == [note, note]
     assert diagnosis_text(told).count(note) == 1
+
+
+def test_the_first_line_says_what_each_sensor_lacks_and_that_data_were_left_out() -> None:
+    unlogged = Finding('unlogged', None, 'accelerometer', 99.0, depends_on='chamber')
+    step = Finding('effect', 'bias_step', 'gyroscope', 83.0)
+    spikes = Finding('data_quality', 'spikes', 'gyroscope', 20.0)
+    both = 'something acts that was not logged: depends on chamber (accelerometer)'
+    missing = 'an effect is missing: bias_step (gyroscope)'
+    found = Diagnosis('dut1', (unlogged, step), {}, {}, (), ()).to_dict()
+    assert verdict_line(found) == f'{both}; {missing}'
+    found = Diagnosis('dut1', (unlogged, step, spikes), {}, {}, (), ()).to_dict()
+    assert verdict_line(found).endswith(f'spikes (gyroscope); {missing}; {both}')

@@ -29,6 +29,13 @@ VERDICTS = {
     'data_quality': 'the data have defects; rows that are wrong were left out of what follows',
 }
 """Verdicts in words."""
+LACKING = {
+    'missing': 'effect',
+    'ambiguous': 'effect',
+    'unexplained': 'unexplained',
+    'unlogged': 'unlogged',
+}
+"""Verdicts that something is missing, with the kind of the findings that lead to each."""
 NOTHING_MISSING = frozenset({'complete', 'noise_above_reference'})
 """Verdicts on a sensor that lacks no effect."""
 DEFECT_REMEDIES = {
@@ -94,7 +101,13 @@ def verdict_line(content: Mapping[str, Any]) -> str:
     judged = list(content['sensors'])
     if content['verdict'] == 'complete' and 0 < len(judged) < len(SENSORS):
         return f'{VERDICTS["complete"]} in {" and ".join(judged)}, all that could be judged'
-    return VERDICTS[content['verdict']] + _summary(content)
+    said = VERDICTS[content['verdict']] + _summary(content, content['verdict'])
+    if content['verdict'] not in {*LACKING, 'data_quality'}:
+        return said
+    kinds = {finding['kind'] for finding in content['findings']}
+    kinds -= {LACKING.get(content['verdict'])}
+    further = [one for one in ('missing', 'unexplained', 'unlogged') if LACKING[one] in kinds]
+    return '; '.join([said, *(VERDICTS[one] + _summary(content, one) for one in further)])
 
 
 def doubtful_sensors(content: Mapping[str, Any]) -> dict[str, float]:
@@ -128,10 +141,9 @@ def _lacks_nothing(content: Mapping[str, Any], sensor: str) -> bool:
     return content['sensors'].get(sensor, {}).get('verdict') in NOTHING_MISSING
 
 
-def _summary(content: Mapping[str, Any]) -> str:
-    """Return what the verdict is about, in a few words."""
-    kinds = {'missing': 'effect', 'ambiguous': 'effect'}
-    wanted = kinds.get(content['verdict'], content['verdict'])
+def _summary(content: Mapping[str, Any], verdict: str) -> str:
+    """Return what a verdict is about, in a few words."""
+    wanted = LACKING.get(verdict, verdict)
     parts = []
     for finding in content['findings']:
         if finding['kind'] != wanted:
