@@ -75,10 +75,8 @@ def startup_rows(recording: ImuRecording) -> tuple[int, str]:
     filling, factor = _filling_rows(recording)
     stale, jump = _stale_rows(recording)
     if stale > filling:
-        return (
-            stale,
-            f'their temperature {abs(jump):.1f} K {"above" if jump > 0 else "below"} the next',
-        )
+        side = 'above' if jump > 0.0 else 'below'
+        return stale, f'their temperature {abs(jump):.1f} K {side} the next'
     return filling, f'first at {factor:.2f} of the level'
 
 
