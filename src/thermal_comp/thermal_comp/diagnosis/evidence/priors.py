@@ -15,9 +15,9 @@ NOTHING_PROBABILITY = 0.75
 """That a sensor's model lacks nothing: most effects are felt by one sensor of three, and in a
 campaign of four there is none."""
 
-ANOTHER_EFFECT_PROBABILITY = 0.1
+ANOTHER_EFFECT_PROBABILITY = 0.15
 """That a sensor with some effects has another one: most campaigns have a single one, and of two
-effects most are felt by different sensors."""
+effects many are felt by different sensors."""
 
 NOT_IN_CATALOGUE_PROBABILITY = 0.15
 """That what a sensor lacks is not in the catalogue: packaged MEMS are old, boards are not."""
