@@ -51,6 +51,18 @@ def test_a_model_that_held_out_parts_speak_against_is_saved_by_force_alone(
     assert load_model(target).device == 'dut1'
 
 
+def test_a_reference_temperature_that_was_not_recorded_is_said(
+    run, tmp_path: Path, capsys
+) -> None:
+    recording = run('dut1', 'z', cycles=2)
+    for name, warmer in (('cold', 0.0), ('hot', 60.0 - recording.temperature.min())):
+        write_bag(replace(recording, temperature=recording.temperature + warmer), tmp_path / name)
+        assert main(['fit', str(tmp_path / name), '-o', str(tmp_path / f'{name}.yaml')]) == 0
+    cold, hot = (t for t in capsys.readouterr().out.splitlines() if t.startswith('saved'))
+    assert 'outside' not in cold
+    assert 'at 20 °C, 40.0 K outside that' in hot
+
+
 def test_what_was_fitted_is_shown_where_no_sensor_can_have_it(
     device_bags: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter that started at zero is told from a temperature that moves each channel by its own."""
+"""What is cut at the start: filters that fill up, rows whose temperature was not read yet."""
 
 import numpy as np
 import pytest

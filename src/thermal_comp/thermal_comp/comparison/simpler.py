@@ -30,13 +30,13 @@ def raised(before: SensorComparison, after: SensorComparison) -> bool:
     return rises(rms_of(before.held_out_rms), rms_of(after.held_out_rms))
 
 
-def leaves_more_than_measured(part: SensorComparison) -> FloatArray:
-    """Return (3,) ratios of what is left of an axis to what was measured, 1 where no rise is sure.
+def residual_ratios(part: SensorComparison) -> FloatArray:
+    """Return (3,) ratios of the rms that a model leaves of each axis to that which was measured.
 
-    Parts that are held out one by one may hide it: a first moment is a part by itself.
+    Above LEAST_SURE_RISE it is worse than none, though held-out parts may hide it: what is odd in
+    a single part weighs little there.
     """
-    ratio = part.residual_rms / np.maximum(part.measured_rms, 1e-300)
-    return np.asarray(np.where(ratio > LEAST_SURE_RISE, ratio, 1.0))
+    return np.asarray(part.residual_rms / np.maximum(part.measured_rms, 1e-300))
 
 
 def worse_than_simpler(
@@ -48,8 +48,8 @@ def worse_than_simpler(
         fitted = model.sensors[sensor]
         worse += [
             f'{sensor} {axis}: the error is {ratio:.2f} times that of no model at all'
-            for axis, ratio in zip('xyz', leaves_more_than_measured(part), strict=True)
-            if ratio > 1.0
+            for axis, ratio in zip('xyz', residual_ratios(part), strict=True)
+            if ratio > LEAST_SURE_RISE
         ]
         if fitted.noise is None:
             continue

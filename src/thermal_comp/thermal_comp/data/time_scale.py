@@ -15,7 +15,10 @@ LEAST_TIME_SCALE = 0.02
 
 
 def time_scale(longest: float) -> float:
-    """Return by what times are shorter than usual where the longest run lasts so long [s].
+    """Return the share of the usual times that those are which a recording can tell.
+
+    `longest`: end of the longest run, from the start of its recording [s]; parts at rest of one
+    recording have its temperature in common, and its times.
 
     >>> time_scale(43200.0), time_scale(100.0)
     (1.0, 0.1)

@@ -8,11 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermal_comp.comparison.compare import Comparison, SensorComparison, compare_prepared, rms_of
-from thermal_comp.comparison.simpler import (
-    LEAST_SURE_RISE,
-    leaves_more_than_measured,
-    raised,
-)
+from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, residual_ratios
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls, parts_that_fall
 from thermal_comp.data.prepared_run import PreparedRun
@@ -219,10 +215,10 @@ def _with_note(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenanc
 def error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
     """Tell whether the held-out error rises in all sensors, or on an axis by what is no chance.
 
-    Or whether more is left of an axis than was measured.
+    Or whether clearly more is left of an axis than was measured.
     """
     pairs = [(grown.before.sensors[s], grown.after.sensors[s]) for s in sensors]
     axes = (after.held_out_rms > LEAST_SURE_RISE * before.held_out_rms for before, after in pairs)
-    worse = [leaves_more_than_measured(after) > 1.0 for _, after in pairs]
+    worse = [residual_ratios(after) > LEAST_SURE_RISE for _, after in pairs]
     rising = any(axis.any() for axis in (*axes, *worse))
     return rising or all(raised(*pair) for pair in pairs)

@@ -67,7 +67,7 @@ class ThermalLag(Effect):
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return lags from the fastest that is more than a rate of change."""
+        """Return lags from the fastest that is more than a rate of change in such runs."""
         times = TIME_CONSTANTS_S[TIME_CONSTANTS_S <= 3600.0]
         return [Candidate(cls(float(t))) for t in campaign.time_scale * times]
 

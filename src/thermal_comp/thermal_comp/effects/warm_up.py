@@ -45,7 +45,7 @@ class WarmUp(Effect):
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return time constants from a minute to two hours."""
+        """Return time constants from a minute to two hours, less in a short recording."""
         times = campaign.time_scale * np.geomspace(60.0, 7200.0, 10)
         return [Candidate(cls(float(t))) for t in times]
 

@@ -65,7 +65,7 @@ def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedMod
     those taken before, explain in each run and axis (least squares, whose coefficients have the
     covariance (VᵀV)⁻¹ Vᵀ S V (VᵀV)⁻¹ under noise of covariance S).
     """
-    air, scale = ('chamber_temperature',), time_scale(_longest(runs))
+    air, scale = ('chamber_temperature',), time_scale(max(float(r.time[-1]) for r in runs))
     logged = [
         channel.field
         for channel in ACTING_CHANNELS
@@ -83,11 +83,6 @@ def saturated_model(runs: Sequence[PreparedRun], sensor: Sensor) -> SaturatedMod
             break
         acting.append(logged.pop(best))
     return SaturatedModel((*air, *sorted(acting)), time_scale=scale)
-
-
-def _longest(runs: Sequence[PreparedRun]) -> float:
-    """Return how long the longest run lasts [s]."""
-    return max(float(run.time[-1] - run.time[0]) for run in runs)
 
 
 def _chances(
@@ -123,7 +118,8 @@ def _noise_beside(
     beyond = not_followed(runs, sensor, effects, model)
     furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
     vibration = noise_of_vibration(runs, sensor, model, furthers)
-    times = correlation_times(_longest(runs))
+    longest = max(float(run.time[-1] - run.time[0]) for run in runs)
+    times = correlation_times(longest, model.time_scale)
     spectra = [
         _spectrum(run, sensor, model, further, vibration, times)
         for run, further in zip(runs, furthers, strict=True)

@@ -11,7 +11,6 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from thermal_comp.data.time_scale import time_scale
 from thermal_comp.model.values import NoiseModel
 
 OU_TIME_CONSTANTS = np.geomspace(30.0, 40_000.0, 7)
@@ -21,9 +20,12 @@ CORRELATED_SHARE = 0.9
 MEMS walk at random (IEEE 952), which a process that forgets in half a day does not."""
 
 
-def correlation_times(longest: float) -> FloatArray:
-    """Return (7,) correlation times [s] of the processes that are fitted to runs up to so long."""
-    shortest, usual = time_scale(longest) * OU_TIME_CONSTANTS[[0, -1]]
+def correlation_times(longest: float, scale: float = 1.0) -> FloatArray:
+    """Return (7,) correlation times [s] of the processes that are fitted to runs up to so long.
+
+    `scale`: share of the usual times that those of the recordings are (`time_scale`).
+    """
+    shortest, usual = scale * OU_TIME_CONSTANTS[[0, -1]]
     slowest = max(usual, CORRELATED_SHARE * longest)
     return np.geomspace(shortest, slowest, len(OU_TIME_CONSTANTS))
 
