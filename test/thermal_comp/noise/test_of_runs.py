@@ -82,6 +82,22 @@ def test_noise_that_is_louder_than_usual_has_an_alternative() -> None:
     assert usual_noise(runs, 'gyroscope', usual) is None
 
 
+def test_bursts_of_one_block_that_scatter_more_than_their_rows_are_loud() -> None:
+    """A supply that was not logged differs from burst to burst, and hardly within one."""
+    time = chamber(4, 1.0)[0]
+    burst = (time // 600.0).astype(int)
+    levels = np.random.default_rng(7).normal(size=(burst.max() + 1, 3))
+    error = 30.0 * WHITE['angular_velocity'] * levels[burst]
+    for one, loud in ((run(period=1.0), False),
+                      (run(period=1.0, error={'angular_velocity': error}), True)):  # fmt: skip
+        runs = prepare([one.rows(time % 600.0 < 5.0)], period=5.0)
+        assert (np.diff(runs[0].slot) > 1).all()
+        usual = usual_noise(runs, 'gyroscope', fit_noise(runs, 'gyroscope'))
+        assert (usual is not None) == loud
+        if usual is not None:
+            assert usual.white == pytest.approx(WHITE['angular_velocity'], rel=0.3)
+
+
 def test_an_axis_far_noisier_than_the_others_from_row_to_row_is_loud() -> None:
     """A supply that was not logged goes up and down as fast as the rows: no noise of one axis."""
     time = chamber(CYCLES)[0]
