@@ -201,7 +201,8 @@ def _explained(
     listed |= closest
     if all(listed[s] == base[s] for s in listed):
         return Explained(None, None, ())
-    model = with_model_form(fit_prepared(listed, runs, noise=noise), runs)
+    named = [sensor for sensor, answer in answers.items() if answer.named]
+    model = with_model_form(fit_prepared(listed, runs, noise=noise), runs, named)
     comparison = compare_prepared(model, runs)
     before = fitted.provenance.notes
     told = tuple(f'{sensor}:' for sensor in closest)

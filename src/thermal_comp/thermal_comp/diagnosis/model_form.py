@@ -122,12 +122,14 @@ class InTwoParts(Effect):
         return cls(effect, with_shape(effect, times, longer), share)
 
 
-def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> ThermalModel:
-    """Return the model, standard deviations of its shape parameters with those of their form.
+def with_model_form(
+    model: ThermalModel, runs: Sequence[PreparedRun], sensors: Sequence[Sensor] = SENSORS
+) -> ThermalModel:
+    """Return the model, standard deviations of sensors' shape parameters with those of their form.
 
     Steps and spectral lines keep theirs: what limits them is a row, or a period over the run.
     """
-    known = {s: model.sensors[s] for s in SENSORS if s in model.sensors}
+    known = {s: model.sensors[s] for s in sensors if s in model.sensors}
     shaped = {s: part for s, part in known.items() if any(map(_form_limits, part.effects))}
     if not shaped:
         return model
