@@ -120,3 +120,12 @@ def test_surroundings_that_were_not_logged_make_a_rate_and_a_warm_up() -> None:
     assert found[0]['names'] == ['unlogged']
     assert found[0]['depends_on'] == 'chamber_temperature'
     assert found[0]['probability'] > 0.9
+
+
+def test_a_thermometer_that_lags_by_many_times_the_noise_is_no_law() -> None:
+    # Its errors were too large to be a thermometer's, so that what they left was a law.
+    campaign = draw_campaign(11583, 'hair_dryer')
+    assert campaign.truth.to_dict()['effects'] == []
+    found = explanations(campaign.recordings, 'gyroscope')
+    assert found[0]['names'] == ['nothing']
+    assert found[0]['probability'] > 0.5

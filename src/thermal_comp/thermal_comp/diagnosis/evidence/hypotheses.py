@@ -39,6 +39,9 @@ from thermal_comp.linear.gaussian_evidence import (
 MOST_THERMOMETER_CHI2 = 20.0
 """χ² of its errors by their prior up to which a thermometer is taken to have made them: those of
 lagging ones have 6 and less, what is bent into them to follow a curvature of the sensor 40."""
+LARGEST_THERMOMETER_FLAW = 0.1
+"""What is left of errors larger than the noise, as a share of them, up to which they are a
+thermometer's whatever their size: one that lags by sixty times the noise has no exact form."""
 
 
 class SensorHypotheses:
@@ -113,9 +116,11 @@ class SensorHypotheses:
         likeliest = self.likeliest_nuisances(())
         self.nothing = self.log_evidence(())
         alone = self.joint((), likeliest[:1])[1]
-        plausible = self._prior_chi2(likeliest[0]) <= MOST_THERMOMETER_CHI2
+        left = self.design.chi_square - alone - self.rows
+        follows = alone > self.rows and left < LARGEST_THERMOMETER_FLAW**2 * alone
+        plausible = follows or self._prior_chi2(likeliest[0]) <= MOST_THERMOMETER_CHI2
         self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
-        """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
+        """Δχ² of the thermometer's errors alone; 0 where they are too large to be one's."""
 
     def likeliest_alternative(
         self, components: Sequence[Component]
