@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -87,6 +88,12 @@ class Conditions:
         """(n,) die temperature above the reference temperature [K]: the x of the equations."""
         difference: FloatArray = self.temperature - self.reference_temperature
         return difference
+
+    @cached_property
+    def temperature_rate(self) -> FloatArray:
+        """(n,) dT/dt [K/s] of a temperature that is smooth: hundreds of forms are made of it."""
+        rate: FloatArray = np.gradient(self.temperature, self.time)
+        return rate
 
     @property
     def true_input(self) -> FloatArray:

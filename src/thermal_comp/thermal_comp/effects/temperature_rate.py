@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
@@ -71,4 +70,4 @@ class TemperatureRate(Effect):
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""
-        return np.asarray(np.gradient(conditions.temperature, conditions.time))[:, None]
+        return conditions.temperature_rate[:, None]
