@@ -91,7 +91,7 @@ class Conditions:
 
     @cached_property
     def temperature_rate(self) -> FloatArray:
-        """(n,) dT/dt [K/s] of a temperature that is smooth: hundreds of forms are made of it."""
+        """(n,) dT/dt [K/s] by central differences, of a smoothed temperature; computed once."""
         rate: FloatArray = np.gradient(self.temperature, self.time)
         return rate
 

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.linalg import eigh
 
+from thermal_comp.data.blocks import in_blocks
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
@@ -175,36 +176,29 @@ def _white_of_neighbours(
 ) -> FloatArray | None:
     """Return the (3,) white noise of a one-second mean by second differences of blocks [unit].
 
-    Where hardly any blocks follow each other, as in bursts, by those of fine rows. None where
-    there are too few of them as well, or half of them are zero.
+    Where hardly any blocks follow each other, as in bursts, by those of the rows within them. None
+    where there are too few of these as well, or half of them are zero.
     """
-    rows = np.concatenate([_bends(run, sensor, noise) for run in runs])
-    if len(rows) < LEAST_BENDS:
-        rows = np.concatenate([_bends(run, sensor, noise, fine=True) for run in runs])
-    if len(rows) < LEAST_BENDS:
+    bends = np.concatenate([_bends(run, sensor, noise) for run in runs])
+    if len(bends) < LEAST_BENDS:
+        bends = np.concatenate([_bends(in_blocks(run, 0.0), sensor, noise) for run in runs])
+    if len(bends) < LEAST_BENDS:
         return None
-    white: FloatArray = 1.4826 * np.median(rows, axis=0)
+    white: FloatArray = 1.4826 * np.median(bends, axis=0)
     return white if (white > 0.0).all() else None
 
 
-def _bends(
-    run: PreparedRun, sensor: Sensor, noise: NoiseModel, *, fine: bool = False
-) -> FloatArray:
-    """Return (k, 3) sizes of second differences of successive blocks, or of fine rows.
+def _bends(run: PreparedRun, sensor: Sensor, noise: NoiseModel) -> FloatArray:
+    """Return (k, 3) sizes of second differences of blocks that follow each other [unit].
 
-    Each is scaled to what a one-second mean at rest has [unit].
+    Each is scaled to the standard deviation of a one-second mean at rest.
     """
-    values, vibration = run.measured[sensor], run.vibration
-    period, place = run.period, run.slot.astype(float)
-    if fine:
-        values, vibration = run.fine_measured[sensor], None
-        period = float(np.median(np.diff(run.conditions.time)))
-        place = np.rint(run.conditions.time / period)
+    values, period = run.measured[sensor], run.period
     still = np.maximum(noise.variance_of_means(period), 1e-300)
-    added = np.broadcast_to(noise.added_by(vibration, period), values.shape) / still
+    added = np.broadcast_to(noise.added_by(run.vibration, period), values.shape) / still
     variance = (added[2:] + 4.0 * added[1:-1] + added[:-2]) / 6.0 + 1.0
     bend = np.abs(np.diff(values, 2, axis=0)) * np.sqrt(period / (6.0 * variance))
-    in_row = (place[2:] - place[:-2] == 2) & np.isfinite(bend).all(axis=1)
+    in_row = (run.slot[2:] - run.slot[:-2] == 2) & np.isfinite(bend).all(axis=1)
     found: FloatArray = bend[in_row] / noise.white_factors.get(run.name, 1.0)
     return found
 

@@ -40,8 +40,8 @@ MOST_THERMOMETER_CHI2 = 20.0
 """χ² of its errors by their prior up to which a thermometer is taken to have made them: those of
 lagging ones have 6 and less, what is bent into them to follow a curvature of the sensor 40."""
 LARGEST_THERMOMETER_FLAW = 0.1
-"""What is left of errors larger than the noise, as a share of them, up to which they are a
-thermometer's whatever their size: one that lags by sixty times the noise has no exact form."""
+"""Rms of what the thermometer's errors leave beyond noise, over their own, up to which it is their
+flaw. Then they may have any size: no model of a lag of sixty times the noise is exact."""
 
 
 class SensorHypotheses:
