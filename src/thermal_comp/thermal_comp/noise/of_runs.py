@@ -181,7 +181,9 @@ def _white_of_neighbours(
     """
     bends = np.concatenate([_bends(run, sensor, noise) for run in runs])
     if len(bends) < LEAST_BENDS:
-        bends = np.concatenate([_bends(in_blocks(run, 0.0), sensor, noise) for run in runs])
+        # What vibration adds was fitted to whole blocks: that of single rows scatters more.
+        still = replace(noise, per_vibration=np.zeros(3))
+        bends = np.concatenate([_bends(in_blocks(run, 0.0), sensor, still) for run in runs])
     if len(bends) < LEAST_BENDS:
         return None
     white: FloatArray = 1.4826 * np.median(bends, axis=0)
