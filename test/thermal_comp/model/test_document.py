@@ -34,6 +34,21 @@ def test_noise_that_grows_with_vibration_comes_back() -> None:
         model_from_document(document)
 
 
+def test_the_axes_weighed_without_slow_noise_come_back() -> None:
+    model = line_model()
+    part = model.sensors['accelerometer']
+    assert part.noise is not None
+    weighed = replace(part, noise=replace(part.noise, white_weights=(True, False, True)))
+    document = replace(model, sensors={**model.sensors, 'accelerometer': weighed}).to_dict()
+    read = model_from_document(document).sensors['accelerometer'].noise
+    assert read is not None
+    assert read.white_weights == (True, False, True)
+    for wrong in ([True, False], [1, 0, 1], True):
+        document['sensors']['accelerometer']['noise']['white_weights'] = wrong
+        with pytest.raises(ModelError, match=r'accelerometer\.noise\.white_weights'):
+            model_from_document(document)
+
+
 @pytest.mark.parametrize(
     ('read', 'message'),
     [

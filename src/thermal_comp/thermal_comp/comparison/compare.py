@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -141,6 +141,7 @@ def compare_prepared(
     listed, not_applied = _applicable_effects(model, runs, sensors)
     seen = {run.hash for run in runs} <= set(model.provenance.sources.values())
     weights = {s: (noise or {}).get(s) or _noise(model, s, runs, seen=seen) for s in sensors}
+    weights = {s: _weighed_as(model, s, weights[s]) for s in sensors}
     weights = {s: noise_of_model(runs, s, listed[s], weights[s]) for s in sensors}
     compared: dict[Sensor, SensorComparison] = {}
     relearned: list[str] = []
@@ -212,6 +213,12 @@ def _noise(
     return noise_of_runs(runs, sensor, part.effects)[0]
 
 
+def _weighed_as(model: ThermalModel, sensor: Sensor, noise: NoiseModel) -> NoiseModel:
+    """Return the noise with the weights that the model was fitted with."""
+    fitted = model.sensors[sensor].noise
+    return noise if fitted is None else replace(noise, white_weights=fitted.white_weights)
+
+
 def _residuals(
     model: ThermalModel,
     runs: Sequence[PreparedRun],
@@ -230,7 +237,7 @@ def _residuals(
                 if effect in listed[sensor]:
                     error += run.columns(effect, sensor) @ coefficients
             left[r, sensor] = (run.measured[sensor] - error)[:, :, None]
-    estimate = solve(design.equations(left)).estimate[:, 0]
+    estimate = solve(design.weighted.equations(left)).estimate[:, 0]
     return {
         sensor: [
             _about_mean(

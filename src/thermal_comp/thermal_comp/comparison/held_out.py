@@ -76,7 +76,7 @@ def hold_out(
     relearned: set[str] = set()
     for part in sorted({int(k) for run in runs for k in run.cv_group if k > 0}):
         training = design.over([run.cv_group != part for run in runs])
-        solution = solve(training.equations())
+        solution = solve(training.weighted.equations())
         line = training.with_effects({s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
         unseen = [j for j in _unseen(training, power) if j not in held]

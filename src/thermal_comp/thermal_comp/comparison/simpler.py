@@ -14,6 +14,7 @@ from thermal_comp.data.improvement import falls, rises
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.weights import with_best_weights
 from thermal_comp.model.values import ThermalModel
 
 SIMPLER_MODELS: dict[str, tuple[Effect, ...]] = {
@@ -56,7 +57,8 @@ def worse_than_simpler(
         for name, effects in SIMPLER_MODELS.items():
             if len(effects) >= len(fitted.effects):
                 continue
-            held = hold_out(runs, {sensor: effects}, {sensor: fitted.noise})
+            noise = with_best_weights(runs, {sensor: effects}, {sensor: fitted.noise})
+            held = hold_out(runs, {sensor: effects}, noise)
             squares, floor = part_squares(held, sensor), part.noise_floor**2
             for axis in range(3):
                 left, least = part.held_out_squares[:, axis], squares[:, axis]

@@ -14,7 +14,13 @@ LEAST_FALL = 0.05
 """Fall of the held-out rms, as a share, from which it matters."""
 
 
-def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
+def falls(
+    before: FloatArray,
+    after: FloatArray,
+    noise: FloatArray | float,
+    *,
+    chance: float = LARGEST_CHANCE,
+) -> bool:
     """Tell whether mean squares over k parts fall by more than chance and by enough to matter.
 
     Mean squares are (k,) or (k, axes); `noise` (axes,) is what noise alone leaves, and smaller
@@ -29,7 +35,7 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
         return False
     fall = np.log(before / after)
     spread = float(fall.std(ddof=1)) / np.sqrt(len(fall))
-    return bool(float(fall.mean()) > float(stdtrit(len(fall) - 1, 1.0 - LARGEST_CHANCE)) * spread)
+    return bool(float(fall.mean()) > float(stdtrit(len(fall) - 1, 1.0 - chance)) * spread)
 
 
 def falls_enough(before: float, after: float) -> bool:

@@ -18,6 +18,7 @@ from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.inputs import usable_sensors
+from thermal_comp.fitting.weights import with_best_weights
 from thermal_comp.model.values import NoiseModel, Provenance, ThermalModel, fitted_shapes
 from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.presentation.notebook import Presented
@@ -122,8 +123,9 @@ def effects_by_sensor(runs: Sequence[PreparedRun], model: ThermalModel | None) -
 def noise_by_sensor(
     runs: Sequence[PreparedRun], model: ThermalModel | None
 ) -> dict[Sensor, NoiseModel]:
-    """Return the noise of the sensors beside their effects, where it can be told."""
-    return determined_noise(runs, effects_by_sensor(runs, model))[0]
+    """Return the noise of the sensors beside their effects, where it can be told, and weights."""
+    listed = effects_by_sensor(runs, model)
+    return with_best_weights(runs, listed, determined_noise(runs, listed)[0])
 
 
 def with_effects(

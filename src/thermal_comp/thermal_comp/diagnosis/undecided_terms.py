@@ -24,6 +24,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
+from thermal_comp.fitting.weights import with_best_weights
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.noise.of_runs import determined_noise
 
@@ -66,7 +67,7 @@ def with_undecided_terms(
         for s in listed:
             forms = (fitted.sensors[s].effects, beside[s])
             beside[s] = best_held_out(runs, s, forms, noise[s]) if s in changed else forms[0]
-        noise = determined_noise(runs, beside)[0]
+        noise = with_best_weights(runs, beside, determined_noise(runs, beside)[0])
     terms = {s: empirical_form(runs, s, beside[s], noise[s]) for s in tried if s in noise}
     added = {
         s: (*beside[s][len(kept[s]) :], *([term] if (term := terms.get(s)) else [])) for s in tried

@@ -31,6 +31,7 @@ from thermal_comp.fitting.shape_uncertainty import (
     resolution_std,
     solve_with_shapes,
 )
+from thermal_comp.fitting.weights import solved, with_best_weights
 from thermal_comp.linear.design import LEAST_DEVIATION, Design, Term
 from thermal_comp.linear.normal_equations import (
     NormalEquations,
@@ -84,6 +85,7 @@ def fit_prepared(
     if refine:
         listed = {s: with_live_forms(runs, s, listed[s], weights[s]) for s in listed}
     without_noise = [run.smoothed for run in runs]
+    weights = with_best_weights(runs, listed, weights)
     groups = [
         _fit_group(
             Design(without_noise, {s: listed[s] for s in group}, weights), runs, refine=refine
@@ -124,11 +126,12 @@ def _fit_group(design: Design, runs: Sequence[PreparedRun], *, refine: bool) -> 
     `runs` are the design's as they were measured, thermometer noise included.
     """
     if refine:
-        design = refine_shapes(design)
+        design = design.with_effects(refine_shapes(design.weighted).effects)
     at_bounds = bound_notes(design) if refine else []
     beside = noise_beside(runs, design.effects, design.noise)
     if any(beside[s] is not design.noise[s] for s in beside):
-        design = Design(design.runs, design.effects, beside)
+        weights = with_best_weights(runs, design.effects, beside)
+        design = Design(design.runs, design.effects, weights)
     fitted = fitted_group(design)
     return replace(fitted, notes=[*at_bounds, *fitted.notes])
 
@@ -205,7 +208,7 @@ class FittedGroup:
 
 def fitted_group(design: Design) -> FittedGroup:
     """Return the solution of a design at its shape parameters."""
-    solution = solve(design.equations())
+    solution = solved(design)
     notes = held_notes(design, solution)
     if not any(term.effect.shape_parameters for term in design.terms):
         with_shapes, shape_solution = design, solution

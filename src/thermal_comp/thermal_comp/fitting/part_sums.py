@@ -127,7 +127,7 @@ def part_sums(
             here = valid & (groups[r] == p)
             span = _span(runs, groups, p)
             fitted = smoothed.rows(r, here).transpose(1, 0, 2)
-            whitened = RowWhitening.of_runs([run], [here], noise).whitened(fitted)
+            whitened = RowWhitening.of_runs([run], [here], noise.weights).whitened(fitted)
             table = measured.rows(r, here, span)
             table *= np.sqrt(still / block_variances(noise, run)[here]).T[:, :, None]
             for axis in range(3) if len(own) else ():

@@ -19,8 +19,9 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
+from thermal_comp.fitting.weights import solved
 from thermal_comp.linear.design import Design, Term
-from thermal_comp.linear.normal_equations import Solution, solve
+from thermal_comp.linear.normal_equations import Solution
 
 FIRST_HALF_SECANT, WIDEST_HALF_SECANT = 0.01, 0.1
 """Half of a secant, as a share of the range that is searched: at first, and at most."""
@@ -96,10 +97,10 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
     """Return the design with a column per shape parameter, at the `estimate`, and its solution."""
     secants = _secants(design)
     if not secants:
-        return design, solve(design.equations())
+        return design, solved(design)
     for _ in range(MOST_ROUNDS):
         wider = _with_columns(design, secants, estimate)
-        solution = solve(wider.equations())
+        solution = solved(wider)
         starts = {term.effect: term.start for term in wider.terms}
         at = [starts[d.column] for d in secants]
         std = np.sqrt(solution.covariance[at, at])
@@ -138,8 +139,8 @@ def _with_surface_error(
         }
         doubtful = replace(design, effects=effects, raw=raw, white=dict(design.white))
         place = next(t.start for t in doubtful.terms if t.effect == column)
-        shared = np.delete(doubtful.equations().gram[:, place], place)
-        moved = solution.covariance @ shared
+        shared = np.delete(doubtful.weighted.equations().gram[:, place], place)
+        moved = solution.response @ shared
         covariance = covariance + np.outer(moved, moved)
     return replace(solution, covariance=covariance)
 

@@ -91,6 +91,14 @@ class Design:
         """Return the design of other effects on the same rows, sharing what is computed."""
         return replace(self, effects=effects)
 
+    @property
+    def weighted(self) -> Design:
+        """The design whitened by the weights of a fit, where these are not those of the noise."""
+        weights = {sensor: noise.weights for sensor, noise in self.noise.items()}
+        if all(weights[sensor] is self.noise[sensor] for sensor in self.sensors):
+            return self
+        return replace(self, noise=weights, white={}, whitenings={})
+
     def over(self, rows: Rows) -> Design:
         """Return the design over other blocks, sharing the columns."""
         return replace(self, rows=rows, white={}, whitenings={}, taken={})

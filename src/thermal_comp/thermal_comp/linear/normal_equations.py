@@ -79,6 +79,8 @@ class Solution:
     """(m, q)."""
     covariance: FloatArray
     """(m, m) for unit variance of the whitened noise; zero for what is held."""
+    response: FloatArray
+    """(m, m) of the estimate to XᵀY: the covariance, where the weights are those of the noise."""
     chi_square: FloatArray
     """(q,) sum of squared whitened residuals."""
     degrees: int
@@ -134,6 +136,7 @@ def solve(equations: NormalEquations) -> Solution:
     return Solution(
         estimate=estimate,
         covariance=covariance,
+        response=covariance,
         chi_square=np.maximum(equations.energy - (half**2).sum(axis=0), 0.0),
         degrees=max(equations.rows - len(kept), 1),
         held=known.held,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -335,7 +335,7 @@ def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
     unit = SENSOR_UNITS[sensor]
     units = {'white': f'{unit}·√s', 'time_constants': 's', 'amplitudes': unit}
     shaken = {'per_vibration': f'({unit})²·s/(m/s²)²', 'still_vibration': VIBRATION_UNIT}
-    entry.only(*units, *shaken)
+    entry.only(*units, *shaken, 'white_weights')
     grows = any(key in entry.mapping() for key in shaken)
     for key, expected in {**units, **(shaken if grows else {})}.items():
         entry[key].only('value', 'unit')
@@ -349,19 +349,18 @@ def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
         if (values < 0.0).any():
             raise entry[key].refuse('has a negative standard deviation')
         _refuse(entry[key]['value'], impossible_sizes(sensor, values))
+    axes = entry.get('white_weights', [False, False, False])
+    on = tuple(item.flag() for item in axes.items())
+    if len(on) != 3:
+        raise axes.refuse(f'has {len(on)} items, expected one per axis')
+    noise = NoiseModel(white, times, amplitudes, white_weights=on)
     if not grows:
-        return NoiseModel(white, times, amplitudes)
+        return noise
     density = entry['per_vibration']['value'].array(3)
     still = entry['still_vibration']['value'].number()
     if (density < 0.0).any() or still < 0.0:
         raise entry['per_vibration'].refuse('or still_vibration is a negative variance')
-    return NoiseModel(
-        white=white,
-        time_constants=times,
-        amplitudes=amplitudes,
-        per_vibration=density,
-        still_vibration=still,
-    )
+    return replace(noise, per_vibration=density, still_vibration=still)
 
 
 def _range(entry: Field) -> tuple[float, float]:

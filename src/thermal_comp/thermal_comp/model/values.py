@@ -52,6 +52,15 @@ class NoiseModel:
     white_factors: Mapping[str, float] = field(default_factory=dict)
     """By how much the white noise of a run is larger, by run name: other ranges, counts or sample
     rates. Runs that are not named have 1; a model's file does not keep them."""
+    white_weights: tuple[bool, ...] = (False, False, False)
+    """Axes whose fits weigh without slow noise: held-out parts are predicted better so."""
+
+    @property
+    def weights(self) -> NoiseModel:
+        """The noise that fits weigh with."""
+        if not any(self.white_weights):
+            return self
+        return replace(self, amplitudes=np.where(self.white_weights, 0.0, self.amplitudes))
 
     def of_run(self, name: str) -> NoiseModel:
         """Return the noise in one run."""
@@ -60,7 +69,7 @@ class NoiseModel:
         return replace(self, white=self.white_factors[name] * self.white, white_factors={})
 
     def to_dict(self, unit: str) -> dict[str, Any]:
-        """Return plain values with their units; what vibration adds only where it adds some."""
+        """Return plain values with their units; what is usual is left out."""
         found: dict[str, Any] = {
             'white': {'value': self.white.tolist(), 'unit': f'{unit}·√s'},
             'time_constants': {'value': self.time_constants.tolist(), 'unit': 's'},
@@ -70,6 +79,8 @@ class NoiseModel:
             density = {'value': self.per_vibration.tolist(), 'unit': f'({unit})²·s/(m/s²)²'}
             still = {'value': float(self.still_vibration), 'unit': VIBRATION_UNIT}
             found |= {'per_vibration': density, 'still_vibration': still}
+        if any(self.white_weights):
+            found['white_weights'] = list(self.white_weights)
         return found
 
     def added_by(self, vibration: FloatArray | None, period: float) -> FloatArray:

@@ -61,7 +61,11 @@ def noise_of_model(
         for run, spectrum in zip(runs, spectra, strict=True)
         if spectrum is not None
     ]
-    found = replace(fit_noise_to_spectra(scaled, vibration), white_factors=factors)
+    found = replace(
+        fit_noise_to_spectra(scaled, vibration),
+        white_factors=factors,
+        white_weights=extrapolated.white_weights,
+    )
     more = _spread(runs, found) / np.maximum(_spread(runs, extrapolated), 1e-300)
     return found if more <= MOST_SPREAD_RATIO**2 else extrapolated
 
