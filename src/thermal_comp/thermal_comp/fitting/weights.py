@@ -15,6 +15,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.improvement import falls
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.part_sums import part_sums
@@ -43,6 +44,7 @@ def with_best_weights(
     return {sensor: _best(runs, sensor, free[sensor], noise[sensor]) for sensor in noise}
 
 
+@kept
 def _best(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect], noise: NoiseModel
 ) -> NoiseModel:
