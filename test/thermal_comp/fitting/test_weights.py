@@ -62,7 +62,9 @@ def slopes(runs: list[PreparedRun], *, white: bool) -> FloatArray:
 
 def test_an_hour_of_cooling_does_not_set_the_slope_of_the_day_after_it() -> None:
     runs = prepare([days_out_of_a_fridge(np.array([1e-3, 0.0, 0.0]), seed=0)])
-    fitted = fit_prepared(LINE, runs).sensors[SENSOR]
+    model = fit_prepared(LINE, runs)
+    fitted = model.sensors[SENSOR]
+    assert any('gyroscope x: fitted without' in note for note in model.provenance.notes)
     assert fitted.noise is not None
     assert fitted.noise.white_weights == (True, False, False)
     assert np.all(np.abs(fitted.coefficients[0][0] / SLOPE - 1.0) < 0.1)

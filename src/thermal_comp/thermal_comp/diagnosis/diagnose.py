@@ -45,6 +45,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.inputs import check_temperature, usable_sensors
+from thermal_comp.fitting.weights import notes_of_weights
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
@@ -204,7 +205,8 @@ def _explained(
     named = [sensor for sensor, answer in answers.items() if answer.named]
     model = with_model_form(fit_prepared(listed, runs, noise=noise), runs, named)
     comparison = compare_prepared(model, runs)
-    before = fitted.provenance.notes
+    weights = {s: part.noise for s, part in model.sensors.items() if part.noise is not None}
+    before = {*fitted.provenance.notes, *notes_of_weights(weights)}
     told = tuple(f'{sensor}:' for sensor in closest)
     new = tuple(
         note

@@ -31,7 +31,7 @@ from thermal_comp.fitting.shape_uncertainty import (
     resolution_std,
     solve_with_shapes,
 )
-from thermal_comp.fitting.weights import solved, with_best_weights
+from thermal_comp.fitting.weights import notes_of_weights, solved, with_best_weights
 from thermal_comp.linear.design import LEAST_DEVIATION, Design, Term
 from thermal_comp.linear.normal_equations import (
     NormalEquations,
@@ -93,7 +93,8 @@ def fit_prepared(
         for group in sensor_groups(listed)
     ]
     models = {s: g.sensor_model(s, temperature_range) for g in groups for s in g.design.sensors}
-    notes = [note for run in runs for note in run.notes] + left_out + guessed
+    weighed = notes_of_weights({s: g.design.noise[s] for g in groups for s in g.design.sensors})
+    notes = [note for run in runs for note in run.notes] + left_out + guessed + weighed
     return ThermalModel(
         device=device,
         sensors={s: models[s] for s in sensors},

@@ -44,6 +44,20 @@ def with_best_weights(
     return {sensor: _best(runs, sensor, free[sensor], noise[sensor]) for sensor in noise}
 
 
+def notes_of_weights(noise: Mapping[str, NoiseModel]) -> list[str]:
+    """Return a sentence on each sensor with axes that are weighed without slow noise."""
+    axes = {
+        s: [a for a, on in zip('xyz', n.white_weights, strict=True) if on]
+        for s, n in noise.items()
+    }
+    return [
+        f'{sensor} {", ".join(some)}: fitted without the weight of slow noise, which predicts '
+        'held-out parts better'
+        for sensor, some in axes.items()
+        if some
+    ]
+
+
 @kept
 def _best(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect], noise: NoiseModel
