@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws near to an effect of the catalogue are not given its name; the effect itself is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
@@ -47,3 +49,19 @@ def test_a_smooth_curve_is_a_curvature() -> None:
     x = (DIE - 20.0) / 30.0
     (named,) = decided(x**2 - 0.3 * x**3).named
     assert named.name == 'bias_temperature_curvature'
+
+
+def test_what_is_proportional_to_a_channel_is_its_law_and_no_sum_of_drifts() -> None:
+    time = chamber(period=PERIOD)[0]
+    share = time / time[-1]
+    pressure = 101_325.0 - 500.0 * share**1.5 + 40.0 * np.sin(2.0 * np.pi * time / 4000.0)
+    error = (pressure - pressure.mean())[:, None] * 6e-7 * GAINS
+    recording = run(period=PERIOD, error={'angular_velocity': error})
+    runs = prepare([replace(recording, pressure=pressure)])
+    base = {SENSOR: (EFFECTS['bias_temperature'](),)}
+    names = ('bias_drift', 'bias_creep', 'warm_up', 'thermal_lag')
+    settings = Settings({name: EFFECTS[name] for name in names})
+    answer = search_sensors(runs, base, {SENSOR: fit_noise(runs, SENSOR)}, settings)[SENSOR]
+    assert answer.kind == 'unexplained'
+    assert answer.likeliest.depends_on == 'pressure'
+    assert answer.likeliest.probability > 0.9

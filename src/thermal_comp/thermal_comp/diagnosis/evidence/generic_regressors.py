@@ -94,6 +94,8 @@ def generic_regressors(
         # Each pose is recorded at a time of its own: what changes looks like what is turned.
         ages = spans.slope_over_campaign
         made.append(('time', 'slope that changes over the campaign', ages, False))
+    # What is proportional to a channel has a name, or no effect of the catalogue acts through it.
+    named = {c for e in catalogue.values() if design.sensor in e.sensors for c in e.channels}
     for channel in ACTING_CHANNELS:
         if not all(run.conditions.has(channel.field) for run in runs):
             continue
@@ -102,6 +104,9 @@ def generic_regressors(
             continue
         curve = partial(spans.channel, channel.field)
         made.append((channel.label, f'{channel.label}{CHANNEL_CURVES}', curve, False))
+        if channel.field not in named:
+            plain = partial(spans.channel_powers, channel.field)
+            made.append((channel.label, f'{channel.label} and its square', plain, False))
     for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
@@ -330,6 +335,11 @@ class _Spans:
         starts, stops = np.maximum(turns, 0.0), np.minimum(turns, 0.0)
         after = [_lagged(run, way, lag) for way in (starts, stops) for lag in SETTLING_S]
         return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
+
+    def channel_powers(self, name: str, run: PreparedRun) -> FloatArray:
+        values = np.asarray(getattr(run.block_conditions, name))
+        v = values - values.mean()
+        return np.stack([v, v**2], axis=1)
 
     def chamber_power(self, course: str, settling: float, run: PreparedRun) -> FloatArray:
         """(m, 2) power a chamber needs to heat and to cool: P = τ dT/dt + T − T_room."""
