@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -42,6 +43,10 @@ CHAMBER_SETTLING_S = (300.0, 1500.0, 6000.0)
 """Time constants of a chamber whose machines are off [s]."""
 
 
+Function: TypeAlias = tuple[str, str, Callable[[PreparedRun], FloatArray], bool]
+"""What it depends on, its name, its columns (m, p) of a run; True: with coefficients of each."""
+
+
 @dataclass(frozen=True)
 class GenericRegressor:
     """A flexible function of one variable, as columns of a design."""
@@ -68,7 +73,7 @@ def generic_regressors(
     """Return the generic regressors of the variables that were logged."""
     runs = design.source.smoothed
     spans = _spans(runs)
-    made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
+    made: list[Function] = [
         ('temperature', 'curve over temperature', spans.temperature, False),
         ('temperature', 'powers of temperature', spans.powers, False),
         ('branch', 'curve over temperature, one per branch', spans.branch, False),
@@ -94,19 +99,7 @@ def generic_regressors(
         # Each pose is recorded at a time of its own: what changes looks like what is turned.
         ages = spans.slope_over_campaign
         made.append(('time', 'slope that changes over the campaign', ages, False))
-    # What is proportional to a channel has a name, or no effect of the catalogue acts through it.
-    named = {c for e in catalogue.values() if design.sensor in e.sensors for c in e.channels}
-    for channel in ACTING_CHANNELS:
-        if not all(run.conditions.has(channel.field) for run in runs):
-            continue
-        if channel.field == 'vibration':
-            made.append(('vibration', 'vibration and its square', spans.vibration, False))
-            continue
-        curve = partial(spans.channel, channel.field)
-        made.append((channel.label, f'{channel.label}{CHANNEL_CURVES}', curve, False))
-        if channel.field not in named:
-            plain = partial(spans.channel_powers, channel.field)
-            made.append((channel.label, f'{channel.label} and its square', plain, False))
+    made += _functions_of_channels(design, catalogue, spans)
     for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
@@ -129,6 +122,30 @@ def generic_regressors(
     ]
     bands = max(frequencies_told_apart(design.source.runs) / BAND_PIECES, 1.0)
     return [replace(r, places=bands) if r.depends_on == 'frequency' else r for r in found]
+
+
+def _functions_of_channels(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]], spans: _Spans
+) -> list[Function]:
+    """Return the functions of channels that all runs logged.
+
+    What is proportional to a channel has a name; of those no effect acts through it is tried, too.
+    """
+    named = {c for e in catalogue.values() if design.sensor in e.sensors for c in e.channels}
+    made: list[Function] = []
+    for channel in ACTING_CHANNELS:
+        label = channel.label
+        if not all(run.conditions.has(channel.field) for run in design.source.smoothed):
+            continue
+        if channel.field == 'vibration':
+            made.append((label, 'vibration and its square', spans.vibration, False))
+            continue
+        curve = partial(spans.channel, channel.field)
+        made.append((label, f'{label}{CHANNEL_CURVES}', curve, False))
+        if channel.field not in named:
+            powers = partial(spans.channel_powers, channel.field)
+            made.append((label, f'{label} and its square', powers, False))
+    return made
 
 
 def _courses_of_power(design: CandidateDesign) -> list[str]:
