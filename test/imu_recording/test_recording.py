@@ -74,6 +74,13 @@ def test_gravity_tells_the_up_axis(axis: int, sign: int) -> None:
     assert infer_up_axis(force) == f'{"+" if sign > 0 else "-"}{"xyz"[axis]}'
 
 
+def test_an_axis_without_a_value_hides_no_gravity_on_another() -> None:
+    force = np.tile([0.1, np.nan, -9.8], (50, 1))
+    assert infer_up_axis(force) == '-z'
+    assert infer_up_axis(force[:, [0, 2, 1]]) == '-y'
+    assert infer_up_axis(np.tile([0.1, 0.2, np.nan], (50, 1))) == ''
+
+
 def test_no_up_axis_where_gravity_does_not_tell() -> None:
     tilted = np.tile([6.9, 0.0, 6.9], (100, 1))
     turning = np.repeat([[9.8, 0, 0], [0, 9.8, 0]], 50, axis=0)

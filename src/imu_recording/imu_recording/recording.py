@@ -252,6 +252,8 @@ def infer_up_axis(linear_acceleration: FloatArray) -> str:
     '-y'
     """
     sample = linear_acceleration[:: max(1, len(linear_acceleration) // 20_000)]
+    # An axis that was never measured carries none that could be told.
+    sample = np.where(np.isfinite(sample).any(axis=0), sample, 0.0)
     sample = sample[np.isfinite(sample).all(axis=1)]
     if not len(sample):
         return ''

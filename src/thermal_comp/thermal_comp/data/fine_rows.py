@@ -112,7 +112,10 @@ def _bad_rows(recording: ImuRecording) -> list[str]:
         finite = np.isfinite(values.sum())
         bad = 0 if finite else int((~np.isfinite(values).all(axis=1)).sum())
         if bad == len(recording):
-            notes.append(f'no {sensor} value')
+            known = np.isfinite(values).any(axis=0)
+            axes = [axis for axis, some in zip('xyz', known, strict=True) if not some]
+            on = f' on {", ".join(axes)}' if known.any() else ''
+            notes.append(f'no {sensor} value{on}')
         elif bad:
             without.setdefault(bad, []).append(sensor)
     notes += [
