@@ -303,3 +303,30 @@ def test_samples_spread_over_months_one_by_one_are_refused() -> None:
     stamp = NOW + np.cumsum(np.tile([SECOND, 3 * 3600 * SECOND], 50))
     with pytest.raises(RecordingError, match='stamps cannot be right'):
         clean(stamp)
+
+
+def bursts(gap_s: float, burst_s: float, count: int = 20) -> np.ndarray:
+    """Stamps of bursts at 10 Hz [ns]."""
+    since = np.arange(0.0, burst_s, 0.1)
+    return np.round((gap_s * np.arange(count)[:, None] + since).ravel() * 1e9).astype(np.int64)
+
+
+@pytest.mark.parametrize('hours', [1.0, 7.0, 24.0, 72.0])
+def test_bursts_hours_and_days_apart_are_one_run(hours: float) -> None:
+    stamp = bursts(hours * 3600.0, 5.0)
+    assert synchronise.longest_stretch('x', stamp) == (slice(0, len(stamp)), '')
+
+
+def test_a_clock_that_is_set_cuts_bursts_as_well() -> None:
+    early = bursts(7 * 3600.0, 5.0)
+    stamp = np.concatenate([early, bursts(7 * 3600.0, 5.0) + early[-1] + 30 * 86_400 * 10**9])
+    kept, note = synchronise.longest_stretch('x', stamp)
+    assert kept == slice(0, len(early))
+    assert 'stamps jump 1 time, by 30 days' in note
+
+
+def test_days_of_work_are_no_bursts() -> None:
+    stamp = bursts(24 * 3600.0, 8 * 3600.0, count=5)
+    kept, note = synchronise.longest_stretch('x', stamp)
+    assert kept.stop - kept.start == len(stamp) // 5
+    assert 'stamps jump 4 times, by up to 16 h' in note

@@ -22,6 +22,12 @@ LONGEST_GAP_S = 6 * 3600.0
 """Longest gap in a run [s], unless it is shorter than LONGEST_GAP_STEPS usual steps; a longer one
 means that the clock was set, or another run."""
 LONGEST_GAP_STEPS = 100.0
+LEAST_BURSTS = 5
+"""Stretches from which a recording is of bursts, if most last no more than …"""
+LARGEST_BURST_SHARE = 0.1
+"""… this share of the gaps between them …"""
+LARGEST_BURST_GAP_RATIO, LONGEST_BURST_GAP_S = 3.0, 7 * 86_400.0
+"""… and their longest gap, over the usual one; none is longer than a week [s]."""
 LARGEST_SPAN_RATIO = 100.0
 """Largest ratio of the stamps' span to the time that the samples account for."""
 LEAST_FILLED_S = 20.0
@@ -152,7 +158,8 @@ def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
     """
     step = np.diff(stamp) * 1e-9
     usual = float(np.median(step)) if len(step) else 0.0
-    jumps = np.flatnonzero(step > max(LONGEST_GAP_S, LONGEST_GAP_STEPS * usual))
+    apart = _longest_between_bursts(stamp)
+    jumps = np.flatnonzero(step > max(LONGEST_GAP_S, LONGEST_GAP_STEPS * usual, apart))
     kept, note = slice(0, len(stamp)), ''
     if len(jumps):
         edges = np.array([0, *(jumps + 1), len(stamp)])
@@ -167,12 +174,31 @@ def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
         stamp, step = stamp[kept], step[kept.start : kept.stop - 1]
     span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
     filled = len(stamp) * max(LEAST_FILLED_S, float(np.median(step)) if len(step) else 0.0)
-    if span > LARGEST_SPAN_RATIO * filled or usual > LONGEST_MEDIAN_STEP_S:
+    thin = span > LARGEST_SPAN_RATIO * filled and not apart
+    if thin or usual > LONGEST_MEDIAN_STEP_S:
         raise RecordingError(
             f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
             'they damaged, or written in another unit than nanoseconds?'
         )
     return kept, note
+
+
+def _longest_between_bursts(stamp: IntArray) -> float:
+    """Return the longest gap between bursts of samples [s]; 0 where the samples are none.
+
+    >>> hours = np.repeat(7 * np.arange(6), 3) * 3600 + np.tile(np.arange(3), 6)
+    >>> _longest_between_bursts(hours * 10**9) / 3600
+    20.99...
+    """
+    step = np.diff(stamp) * 1e-9
+    ends = np.flatnonzero(step > LONGEST_GAP_STEPS * float(np.median(step))) if len(step) else step
+    if len(ends) + 1 < LEAST_BURSTS:
+        return 0.0
+    first, last = np.append(0, ends + 1), np.append(ends, len(stamp) - 1)
+    gap = float(np.median(step[ends]))
+    if float(np.median(stamp[last] - stamp[first])) * 1e-9 > LARGEST_BURST_SHARE * gap:
+        return 0.0
+    return min(LARGEST_BURST_GAP_RATIO * gap, LONGEST_BURST_GAP_S)
 
 
 def _span(seconds: float) -> str:
